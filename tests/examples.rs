@@ -90,7 +90,7 @@ fn replay_recording_finds_every_cloud_the_same() {
 #[test]
 fn subscribe_clouds_receives_what_an_instance_sends() {
     let folder = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
-    let instance = Instance::under(folder.path(), "examples").unwrap();
+    let instance = Instance::in_folder(folder.path(), "examples").unwrap();
     let node = Node::open(&instance, "publisher").unwrap();
     let sizes = ChannelSizes { cloud_bytes: RECORD_BYTES, ..ChannelSizes::default() };
     let mut clouds = Publisher::open(&node, CLOUD, &sizes).unwrap();

@@ -7,10 +7,10 @@ use std::f64::consts::{PI, TAU};
 use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::geometry::{Point3, Rig};
 use fringeflow_dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
-use fringeflow_lab::evaluation::TOLERANCE_PX;
+use fringeflow_lab::evaluation::{SimulatedDatasetError, TOLERANCE_PX};
 use fringeflow_lab::simulation::{
     Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor, Simulation,
-    SimulationOptions, Solid, View, VirtualRig, truth,
+    SimulationError, SimulationOptions, Solid, View, VirtualRig, truth,
 };
 
 const SIZE: [usize; 2] = [320, 256];
@@ -248,7 +248,10 @@ fn a_written_folder_opens_and_holds_what_was_simulated() {
     let again = simulation.write(&target, || ()).unwrap_err();
     assert!(matches!(
         again,
-        fringeflow_lab::simulation::SimulationError::Dataset(DatasetError::File { problem: Problem::TargetExists, .. })
+        SimulatedDatasetError::Simulation(SimulationError::Dataset(DatasetError::File {
+            problem: Problem::TargetExists,
+            ..
+        }))
     ));
 }
 

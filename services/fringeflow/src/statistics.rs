@@ -105,7 +105,7 @@ pub(crate) struct Doubt {
 impl Statistics {
     /// The figures of a reconstruction.
     pub(crate) fn of(Proposed { reconstruction: made, limits, .. }: &Proposed) -> Self {
-        let drift_limit_rad = limits.of(Quantity::Drift).warn;
+        let drift_limit_rad = limits.limits_of(Quantity::Drift).warn;
         let matches = &made.matches;
         let points = made.cloud.points.len().max(1) as f64;
         let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
@@ -132,7 +132,7 @@ impl Statistics {
                     (Quantity::FalseCandidates, drift.residual_statistics(&matches.delta).expected_false_candidates()),
                 ]
                 .into_iter()
-                .map(|(told, value)| Doubt { quantity: told.name(), value, limit: limits.of(told).warn, told })
+                .map(|(told, value)| Doubt { quantity: told.name(), value, limit: limits.limits_of(told).warn, told })
                 .filter(|doubt| doubt.value > doubt.limit)
                 .collect(),
             }),

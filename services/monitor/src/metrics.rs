@@ -150,7 +150,7 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     drift(out, window.and_then(|w| w.drift.as_ref()))?;
     out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
     let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);
-    let shares = percent.named().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
+    let shares = percent.with_names().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
     out.gauges("pixel_share", "Share of the pixels of camera 1 with a valid phase, by outcome.", shares)?;
     let cameras =
         |values: [f64; 2]| ["1", "2"].into_iter().zip(values).map(|(camera, value)| (vec![("camera", camera)], value));

@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn progress_is_read_until_the_preparation_ends() {
         let folder = tempfile::tempdir().unwrap();
-        let instance = Instance::under(folder.path(), "t").unwrap();
+        let instance = Instance::in_folder(folder.path(), "t").unwrap();
         let mut preparing = Preparing::begin(&accounts_folder(&instance), "Rendering images", 360);
         preparing.reach(120);
         assert_eq!(Preparation::read(&instance).unwrap().to_string(), "Rendering images: 120 of 360");

@@ -1,4 +1,4 @@
-//! Judging by the Gray-code reference of a captured scene.
+//! Evaluation against the Gray-code reference of a captured scene.
 
 use fringeflow::cloud::Cloud;
 use fringeflow_dataset::CapturedTruth;
@@ -7,13 +7,14 @@ use super::pixel_grid::{PixelGrid, pixel, point};
 use super::scores::Tally;
 use super::{EDGE_TOLERANCE_PX, Evaluation, EvaluationError, Judgement, MAX_REFERENCE_RESIDUAL_RAD, TOLERANCE_PX};
 
-/// Metres in the unit of a captured truth's points, millimetres.
+/// Metres per unit of a captured truth's points, millimetres.
 const UNIT_M: f64 = 1e-3;
 
-/// Judges a cloud by the Gray-code reference of a captured scene, for images of C1 of `size_px` (width, height).
+/// Evaluates a cloud against the Gray-code reference of a captured scene, for images of C1 of `size_px` (width,
+/// height).
 ///
-/// The references lie between pixels; each is compared with the point of its closest pixel, both ends moved alike over
-/// that fraction of a pixel. Where Gray code found nothing a point is unjudged, since Gray code is not complete.
+/// The references lie between pixels. Each is compared with the point of its closest pixel, after shifting both ends by
+/// the offset from the pixel's centre. A point without a reference is unjudged, since Gray code is not complete.
 ///
 /// # Errors
 /// A cloud of another image size, or a truth without a sound reference.
@@ -38,7 +39,7 @@ pub fn against_captured(
     Ok(Evaluation { scores: tally.scores(cloud.points.len(), None, &mut errors_m)?, judgements })
 }
 
-/// References whose own back-projection residual is small.
+/// References with a small back-projection residual.
 fn sound_references(truth: &CapturedTruth) -> impl Iterator<Item = usize> + '_ {
     let residuals = truth.residual_rad.iter().enumerate();
     residuals.filter(|(_, r)| r.abs() <= MAX_REFERENCE_RESIDUAL_RAD).map(|(k, _)| k)
@@ -74,7 +75,7 @@ mod tests {
 
     fn truth() -> CapturedTruth {
         CapturedTruth {
-            // The last one has a residual beyond the limit.
+            // The last one has a residual above the limit.
             cam1_px: vec![[0.2, 0.0], [1.0, 0.4], [1.9, 0.0], [3.0, 0.0], [4.0, 0.0]],
             cam2_px: vec![[50.2, 0.0], [51.0, 0.4], [51.9, 0.0], [53.0, 0.0], [54.0, 0.0]],
             point_mm: vec![[0.0, 0.0, 300.0]; 5],

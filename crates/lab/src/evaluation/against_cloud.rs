@@ -1,4 +1,4 @@
-//! Judging by another cloud, such as that of the Gray-code reference.
+//! Evaluation against another cloud, such as the Gray-code reference.
 
 use fringeflow::cloud::Cloud;
 
@@ -6,9 +6,10 @@ use super::pixel_grid::{PixelGrid, pixel, point};
 use super::scores::Tally;
 use super::{Evaluation, EvaluationError, Judgement, TOLERANCE_PX};
 
-/// Judges a cloud by a reference cloud of the same images, C1 of `size_px` (width, height).
+/// Evaluates a cloud against a reference cloud of the same images, C1 of `size_px` (width, height).
 ///
-/// Where the reference has no point, a point is tolerated if the reference explains it beside the pixel, else unjudged.
+/// A point at a pixel without a reference is tolerated if the reference of a neighbouring pixel explains it, else
+/// unjudged.
 ///
 /// # Errors
 /// A cloud of another image size, or a reference without points.
@@ -37,7 +38,7 @@ fn judge(grid: &PixelGrid<'_>, truth: &PixelGrid<'_>, i: usize) -> Judgement {
     if reference.is_some_and(|r| (cam2_px - r).norm() <= TOLERANCE_PX) {
         return Judgement::Correct;
     }
-    if grid.explained(i, &cam2_px, |n| truth.get(n).map(|r| pixel(r.cam2_px))) {
+    if grid.is_explained(i, &cam2_px, |n| truth.get(n).map(|r| pixel(r.cam2_px))) {
         return Judgement::Tolerated;
     }
     if reference.is_some() { Judgement::Wrong } else { Judgement::Unjudged }

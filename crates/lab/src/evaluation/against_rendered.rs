@@ -1,31 +1,31 @@
-//! Judging by the exact truth of a rendered scene.
+//! Evaluation against the exact truth of a rendered scene.
 
 use fringeflow::cloud::{Cloud, CloudPoint};
 use fringeflow::geometry::Pose;
 use fringeflow_dataset::{RenderedTruth, Setup};
 
 use super::interior::interior;
-use super::moved_truth::moved;
+use super::moved_truth::truth_at;
 use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::{Scores, Tally};
 use super::{Evaluation, EvaluationError, Judgement};
 
-/// The frames that a cloud and the truth are compared in.
+/// The frames in which a cloud and the truth are compared.
 ///
-/// A cloud is made with a calibration that is off by a little, so its camera frame is not quite that of the truth. Each
-/// is carried into the frame of the measurement volume by the pose that belongs to it.
+/// The calibration of a cloud has a small error, so its camera frame differs a little from that of the truth. Both are
+/// transformed into the frame of the measurement volume, each with its own pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frames {
     /// Pose of the volume in the frame of the cloud.
     pub cam1_from_volume: Pose,
     /// Pose of the volume in the frame of the truth.
     pub exact_cam1_from_volume: Pose,
-    /// Metres in one unit of the truth.
+    /// Metres per unit of the truth.
     pub unit_m: f64,
 }
 
 impl Frames {
-    /// Those of a dataset or a recording; of C1 itself where it has no volume.
+    /// The frames of a dataset or a recording; without a measurement volume, the frame of C1.
     #[must_use]
     pub fn from_setup(setup: &Setup) -> Self {
         let cam1_from_volume = setup.volume.as_ref().map_or_else(Pose::identity, |v| *v.cam1_from_volume());
@@ -37,10 +37,10 @@ impl Frames {
     }
 }
 
-/// Judges a cloud by the truth of a rendered scene, for images of C1 of `size_px` (width, height).
+/// Evaluates a cloud against the truth of a rendered scene, for images of C1 of `size_px` (width, height).
 ///
-/// A point without a reference is stray unless C2 sees and P lights, there or beside it, a surface that explains it,
-/// or the Gray-code reference has the same point.
+/// A point without a reference is stray, unless a surface that C2 sees and P lights explains it, at its pixel or at a
+/// neighbour, or the Gray-code reference has the same point.
 ///
 /// # Errors
 /// A cloud or a truth of another image size, or a truth without any reference.
@@ -53,11 +53,11 @@ pub fn against_rendered(
     judged(cloud, size_px, truth, frames, None)
 }
 
-/// As [`against_rendered`], for a cloud whose images are those of `setup` and have their middle at `image`, counted in
-/// its phase images: where the object moves, the truth is carried there.
+/// As [`against_rendered`], for a cloud from images of `setup` whose middle is at `image`, counted in its phase images.
+/// Where the object moves, the truth is moved there.
 ///
-/// Then any surface explains a point, lit or not, since shadows have moved; and points where something comes into view
-/// that the truth does not know are unjudged, unless a neighbour explains them.
+/// Then any surface explains a point, lit or not, since shadows have moved. Points on surfaces that come into view,
+/// which the truth does not know, are unjudged unless a neighbour explains them.
 ///
 /// # Errors
 /// As [`against_rendered`].
@@ -69,14 +69,14 @@ pub fn against_rendered_at(
 ) -> Result<Evaluation, EvaluationError> {
     let (size_px, frames) = (setup.image_size_px, Frames::from_setup(setup));
     check_size(truth, setup.image_pixels())?;
-    let elsewhere = setup.motion.as_ref().filter(|motion| motion.reference != image);
-    match elsewhere.and_then(|motion| moved(truth, setup, motion, image)) {
+    let other_motion = setup.motion.as_ref().filter(|motion| motion.reference != image);
+    match other_motion.and_then(|motion| truth_at(truth, setup, motion, image)) {
         Some(moved) => judged(cloud, size_px, &moved.truth, &frames, Some(&moved.known)),
         None => against_rendered(cloud, size_px, truth, &frames),
     }
 }
 
-/// Judges by the truth of the same moment, or by one that was carried there and says all where `known`.
+/// Evaluates against the truth of the same moment, or against a moved one, which is complete only where `known`.
 fn judged(
     cloud: &Cloud,
     size_px: [usize; 2],
@@ -106,7 +106,7 @@ fn judged(
     Ok(Evaluation { scores: Scores { interior_percent, ..scores }, judgements })
 }
 
-/// Correct points of the interior; `None` where there is none.
+/// Percentage of correct points in the interior; `None` without an interior.
 fn interior_percent(interior: &[bool], judgements: &[Judgement]) -> Option<f64> {
     let inside = interior.iter().zip(judgements).filter(|(is_interior, _)| **is_interior);
     let count = inside.clone().count();
@@ -114,8 +114,9 @@ fn interior_percent(interior: &[bool], judgements: &[Judgement]) -> Option<f64> 
     (count > 0).then(|| 100.0 * correct as f64 / count as f64)
 }
 
-/// Judgement of a pixel, and whether its point is an outlier; `by_any` surface, or by those that P lights and C2 sees.
-fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize, by_any: bool) -> (Judgement, bool) {
+/// Judgement of a pixel, and whether its point is an outlier. With `any_surface`, surfaces that P does not light or C2 does not
+/// see explain points as well.
+fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize, any_surface: bool) -> (Judgement, bool) {
     let reference = truth.reference[i];
     let Some(found) = grid.get(i) else {
         return (if reference { Judgement::Missed } else { Judgement::Nothing }, false);
@@ -124,8 +125,8 @@ fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize, by_any: bool) ->
     if reference && is_close(&cam2_px, truth.cam2_px[i]) {
         return (Judgement::Correct, false);
     }
-    let visible = |n: usize| (by_any || truth.seen_by_cam2[n] && truth.lit[n]).then(|| pixel(truth.cam2_px[n]));
-    if grid.explained(i, &cam2_px, visible) {
+    let visible = |n: usize| (any_surface || truth.seen_by_cam2[n] && truth.lit[n]).then(|| pixel(truth.cam2_px[n]));
+    if grid.is_explained(i, &cam2_px, visible) {
         return (Judgement::Tolerated, false);
     }
     if reference {
@@ -222,7 +223,7 @@ mod tests {
         let mut truth = truth();
         truth.lit[3] = false;
         let found = judged(&[([2, 0], [103.0, 2.9], 0.3)], &truth);
-        // Its neighbour but one on the left corresponds to 101: 3.5 px away.
+        // The second neighbour on the left corresponds to 101: 3.5 px away.
         assert_eq!(found.judgements[2], Judgement::Wrong);
     }
 

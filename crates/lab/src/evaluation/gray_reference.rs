@@ -1,7 +1,7 @@
 //! Clouds of a dataset by the reference methods (paper, Table 2).
 //!
-//! In: a dataset with Gray code. Out: a cloud. Along epipolar lines the code is unique by itself, but where C2 does not
-//! see what P lights it finds something else: the measurement volume, generously drawn, keeps such points out.
+//! In: a dataset with Gray code. Out: a cloud. The code is unique along an epipolar line. But where C2 does not see the
+//! surface that P lights, it finds another one: the measurement volume, enlarged by a margin, excludes such points.
 
 use std::path::PathBuf;
 
@@ -16,35 +16,35 @@ use fringeflow::phase::{
 };
 use fringeflow_dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
 
-/// Dark pixels alone are left out: Gray code itself tells whether a phase fits.
+/// Only dark pixels are left out: Gray code itself shows whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
-/// Standard deviation of camera noise with which Gray-code bits are judged, grey levels.
+/// Standard deviation of camera noise for the decision of Gray-code bits, grey levels.
 ///
-/// Not that of the sinusoid fit: with a projector that is not linear the fit is off by ten times the noise, and bits that
-/// are quite sure would be given up.
+/// Not the residual of the sinusoid fit: with a nonlinear projector the residual is ten times the noise, and reliable
+/// bits would be rejected.
 const NOISE_GREY: f32 = 1.5;
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
 
-/// Share of the volume's extent that is added on every side. The boxes of captured datasets leave a hundredth of the
-/// object outside.
+/// Margin of the volume on every side, as a share of its extent. The boxes of captured datasets leave a hundredth of
+/// the object outside.
 const VOLUME_MARGIN: f64 = 0.1;
 
 /// Why a reference method cannot measure a dataset.
 #[derive(Debug, thiserror::Error)]
 pub enum GrayReferenceError {
-    /// The dataset lacks what the method needs.
+    /// The dataset lacks data that the method needs.
     #[error("{} has no {what}, which this method needs", folder.display())]
     Missing {
         /// The dataset folder.
         folder: PathBuf,
-        /// What it lacks.
+        /// The missing data.
         what: &'static str,
     },
     /// Its images cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// Its shifts determine no phase.
+    /// Its phase shifts determine no phase.
     #[error(transparent)]
     Shifts(#[from] ShiftError),
     /// Its Gray code cannot be decoded.
@@ -64,7 +64,7 @@ struct Decoded {
 /// Full Gray code with epipolar lines (EGC).
 ///
 /// # Errors
-/// A dataset without Gray code, or with images or a rig that cannot be worked with.
+/// A dataset without Gray code, or with unusable images or an unusable rig.
 pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let matches =
@@ -111,7 +111,7 @@ fn wrapped_phase(
     second_direction: bool,
     sequence: &FringeSequence,
 ) -> Result<PhaseMap, GrayReferenceError> {
-    // Of an object that moves, the images about the moment of the Gray code.
+    // For a moving object, the images around the moment of the Gray code.
     let numbers: Vec<usize> = match (&dataset.setup.motion, second_direction) {
         (Some(_), false) => dataset.setup.reference_images(dataset.setup.steps).collect(),
         _ => (0..sequence.shifts_rad.len()).collect(),

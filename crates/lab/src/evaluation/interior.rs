@@ -1,15 +1,16 @@
-//! The interior of what is measured: reference correspondences away from edges, where nothing but the method can fail.
+//! The interior of a scene: reference correspondences away from edges, where only the method itself can fail.
 //!
-//! In: the truth of a rendered scene. Out: a mask of the pixels of C1. Cost: 25 looks a reference.
+//! In: the truth of a rendered scene. Out: a mask of the pixels of C1. Cost: 25 lookups per reference.
 
 use fringeflow_dataset::RenderedTruth;
 
-/// A reference and its neighbours up to this distance must be references too, pixels.
+/// All neighbours of a reference up to this distance must be references too, pixels.
 const REACH_PX: usize = 2;
-/// Depths of these must differ by less, metres.
+/// Largest depth difference among them, metres.
 const MAX_JUMP_M: f64 = 1e-3;
 
-/// Whether each pixel is in the interior, for images of C1 of `width` pixels a row and a truth in units of `unit_m`.
+/// Whether each pixel is in the interior, for images of C1 with `width` pixels per row and a truth in units of
+/// `unit_m`.
 pub(super) fn interior(truth: &RenderedTruth, width: usize, unit_m: f64) -> Vec<bool> {
     let height = truth.reference.len() / width.max(1);
     let is_interior = |i: usize| {
@@ -40,7 +41,7 @@ mod tests {
     const WIDTH: usize = 12;
     const HEIGHT: usize = 9;
 
-    /// References everywhere but in one place, in two depths that meet between columns 7 and 8, millimetres.
+    /// References everywhere except at `hole`, in two depths that meet between columns 7 and 8, millimetres.
     fn truth(jump_mm: f32, hole: usize) -> RenderedTruth {
         let count = WIDTH * HEIGHT;
         let depth = |i: usize| if i % WIDTH < 8 { 300.0 } else { 300.0 + jump_mm };

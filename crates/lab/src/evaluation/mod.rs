@@ -1,11 +1,12 @@
-//! How good a cloud is: completeness, completeness error, false positive correspondences (paper, section 3) and 3D error.
+//! Quality of a cloud: completeness, completeness error, false positive correspondences (paper, section 3) and 3D
+//! error.
 //!
-//! In: a cloud and what is known of its scene. Out: [`Scores`], and a [`Judgement`] for every pixel of C1. What is
-//! known can be the exact truth of a rendered scene, the Gray-code reference of a captured one, or another cloud.
+//! In: a cloud and a truth. Out: [`Scores`], and a [`Judgement`] for every pixel of C1. The truth is the exact one of a
+//! rendered scene, the Gray-code reference of a captured scene, or another cloud.
 //!
 //! A point is correct if its correspondence lies within [`TOLERANCE_PX`] of the reference's. At silhouettes a pixel
-//! sees two surfaces; a point within [`EDGE_TOLERANCE_PX`] of what a neighbour in 3 × 3 truly corresponds to is
-//! tolerated: neither complete nor false.
+//! sees two surfaces: a point within [`EDGE_TOLERANCE_PX`] of the true correspondence of a neighbour in 3 × 3 is
+//! tolerated, neither complete nor false.
 
 mod against_captured;
 mod against_cloud;
@@ -18,6 +19,7 @@ mod pixel_grid;
 mod reference_data;
 mod reliability;
 mod scores;
+mod simulated_dataset;
 mod trajectory;
 
 pub use against_captured::against_captured;
@@ -30,31 +32,32 @@ pub use paper_tables::{
 pub use reference_data::limit_to_gray_code;
 pub use reliability::{ReliabilityPart, reliability};
 pub use scores::Scores;
+pub use simulated_dataset::SimulatedDatasetError;
 pub use trajectory::{StatedPose, TrajectoryScores, against_trajectory};
 
 /// Greatest distance in C2 between a correct point and the reference, pixels.
 pub const TOLERANCE_PX: f64 = 2.0;
-/// Greatest distance in C2 to what a neighbour of the pixel corresponds to, pixels.
+/// Greatest distance in C2 to the correspondence of a neighbouring pixel, pixels.
 pub const EDGE_TOLERANCE_PX: f64 = 3.0;
-/// Greatest back-projection residual of a captured reference that is judged by, rad; beyond it Gray code itself erred.
+/// Greatest back-projection residual of a captured reference, rad; above it the Gray code itself is wrong.
 pub const MAX_REFERENCE_RESIDUAL_RAD: f32 = 0.15;
 
-/// What a cloud makes of a pixel of C1.
+/// Judgement of a pixel of C1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Judgement {
     /// Neither a point nor a reference.
     Nothing,
-    /// The point is where the reference is.
+    /// The point agrees with the reference.
     Correct,
-    /// The point is elsewhere than the reference; counts as false positive.
+    /// The point disagrees with the reference; counts as false positive.
     Wrong,
-    /// There is a point where truly there is no correspondence; counts as false positive.
+    /// A point at a pixel without a true correspondence; counts as false positive.
     Stray,
-    /// A point that misses the reference, but a neighbour or the Gray-code reference explains it.
+    /// A point that disagrees with the reference, but a neighbour or the Gray-code reference explains it.
     Tolerated,
-    /// There is a reference, but no point.
+    /// A reference without a point.
     Missed,
-    /// There is a point, but nothing to judge it by.
+    /// A point without a truth to judge it by.
     Unjudged,
 }
 
@@ -89,15 +92,15 @@ impl Judgement {
 pub struct Evaluation {
     /// The figures.
     pub scores: Scores,
-    /// One a pixel of C1.
+    /// One per pixel of C1.
     pub judgements: Vec<Judgement>,
 }
 
 /// Why a cloud cannot be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EvaluationError {
-    /// There is nothing to compare with.
-    #[error("the reference has no correspondence, so there is nothing to judge by; check the truth or the Gray code")]
+    /// The reference is empty.
+    #[error("the reference has no correspondence to compare with; check the truth or the Gray code")]
     NoReference,
     /// A point lies outside the image.
     #[error("a point of the cloud belongs to pixel ({u}, {v}), outside the {width} × {height} pixels of camera 1")]

@@ -1,14 +1,15 @@
-//! The exact truth of a rendered scene at another moment: its object has moved on, rigidly and as its dataset says.
+//! The exact truth of a rendered scene at another moment: its object has moved rigidly, as the dataset says.
 //!
-//! In: the truth, the setup with the motion, the moment. Out: the truth of that moment, per pixel of C1.
+//! In: the truth, the setup with the motion, the moment. Out: the truth at that moment, per pixel of C1.
 //!
-//! Every point is moved, and its places in both images with it, by as much as the cameras of the setup say: their
-//! calibration error moves the places, but hardly their differences. A pixel takes the nearest of the points that come to
-//! lie about its centre, of those in front where one surface hides another, and goes the rest of the way (half a pixel at
-//! most along each axis) linearly along the surface. So the truth of the same moment stays as it is, to the bit.
+//! Every point is moved in space, and its places in both images by the displacement that the cameras of the setup
+//! predict: their calibration error shifts the places, but hardly their differences. A pixel takes the nearest of the
+//! points that land around its centre (only of the front surface where one hides another), and follows the surface
+//! linearly for the rest, at most half a pixel along each axis. So the truth of the same moment stays the same to the
+//! bit.
 //!
-//! Taken over unchanged is what the projector lights and C2 sees of the object: shadows and occlusions shift by a pixel
-//! when the object turns by a degree or so. What comes into view only now is not known.
+//! Whether the projector lights a point and C2 sees it is taken over unchanged: shadows and occlusions shift by about a
+//! pixel when the object rotates by a degree. Surfaces that come into view are unknown.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -18,41 +19,42 @@ use fringeflow_dataset::{Motion, RenderedTruth, Setup};
 use super::against_rendered::Frames;
 use super::pixel_grid::{pixel, point};
 
-/// A truth, and where it says all.
+/// A truth, and the pixels where it is complete.
 pub(super) struct MovedTruth {
     pub(super) truth: RenderedTruth,
-    /// Pixels of which it is known what they see, nothing included.
+    /// Pixels whose visible surface is known, including those that see nothing.
     pub(super) known: Vec<bool>,
 }
 
 /// A pixel takes points up to this distance from its centre, pixels: in a grid of pixels one lies within 0.71.
 const REACH_PX: f64 = 0.75;
-/// What lies so far behind another point of the same pixel is hidden by it, and no continuation of its surface, metres.
+/// A point this far behind another point of the same pixel is hidden, and belongs to another surface, metres.
 const LAYER_M: f64 = 2e-3;
-/// A stored point belongs to its pixel if it is seen within this distance, pixels: calibration errors are below.
+/// A stored point belongs to its pixel if it projects within this distance, pixels; calibration errors are smaller.
 const MAX_OFF_PX: f64 = 5.0;
 
-/// The truth of a scene that moves as `motion` says, when its phase image `image` (a fraction between two) is taken.
+/// The truth of a scene that moves as `motion` says, at its phase image `image` (a fraction between two).
 ///
-/// `None` where the setup has no volume, in whose frame motions are, or the motion no pose.
-pub(super) fn moved(truth: &RenderedTruth, setup: &Setup, motion: &Motion, image: f64) -> Option<MovedTruth> {
+/// `None` where the setup has no volume, whose frame the motion refers to, or the motion has no pose.
+pub(super) fn truth_at(truth: &RenderedTruth, setup: &Setup, motion: &Motion, image: f64) -> Option<MovedTruth> {
     let volume = setup.volume.as_ref()?;
     let frames = Frames::from_setup(setup);
     let scene = Scene { truth, setup, frames, motion: motion.pose_at(image)? };
     let moved: Vec<Option<Moved>> = (0..truth.cam2_px.len()).map(|i| scene.moved(i)).collect();
     let surface = Surface { moved: &moved, width: setup.image_size_px[0] };
     let box_of_truth = MeasurementVolume::new(frames.exact_cam1_from_volume, *volume.min(), *volume.max()).ok()?;
-    let mut found = MovedTruth { truth: unknown(truth), known: truth.cam2_px.iter().map(|q| q[0].is_nan()).collect() };
+    let mut moved_truth =
+        MovedTruth { truth: unknown(truth), known: truth.cam2_px.iter().map(|q| q[0].is_nan()).collect() };
     for (target, source) in surface.nearest().into_iter().enumerate() {
         let Some(source) = source else { continue };
         let Some(place) = surface.at(source, target) else { continue };
-        found.known[target] = true;
-        scene.take(&mut found.truth, target, source, &place, &box_of_truth);
+        moved_truth.known[target] = true;
+        scene.write_pixel(&mut moved_truth.truth, target, source, &place, &box_of_truth);
     }
-    Some(found)
+    Some(moved_truth)
 }
 
-/// A truth of as many pixels that knows nothing.
+/// A truth of the same size without any point.
 fn unknown(truth: &RenderedTruth) -> RenderedTruth {
     let count = truth.cam2_px.len();
     let nothing = vec![false; count];
@@ -68,7 +70,7 @@ fn unknown(truth: &RenderedTruth) -> RenderedTruth {
     }
 }
 
-/// A point of the truth where it has moved to.
+/// A point of the truth after the motion.
 #[derive(Clone, Copy, Debug)]
 struct Moved {
     cam1_px: Pixel,
@@ -81,12 +83,12 @@ struct Scene<'a> {
     truth: &'a RenderedTruth,
     setup: &'a Setup,
     frames: Frames,
-    /// Pose of the object compared with that of the truth, frame of the volume.
+    /// Pose of the object relative to that of the truth, frame of the volume.
     motion: Pose,
 }
 
 impl Scene<'_> {
-    /// The point of a pixel, moved; `None` where there is none.
+    /// The point of a pixel after the motion; `None` without a point.
     fn moved(&self, i: usize) -> Option<Moved> {
         let width = self.setup.image_size_px[0];
         let (centre, cam2_px) = (Pixel::new((i % width) as f64, (i / width) as f64), pixel(self.truth.cam2_px[i]));
@@ -104,8 +106,15 @@ impl Scene<'_> {
         Some(Moved { cam1_px, cam2_px, point: exact * after })
     }
 
-    /// Writes what is true of pixel `target`, which sees `place` of the surface that pixel `source` saw.
-    fn take(&self, to: &mut RenderedTruth, target: usize, source: usize, place: &Moved, volume: &MeasurementVolume) {
+    /// Writes the truth of pixel `target`, which sees `place` of the surface that pixel `source` saw.
+    fn write_pixel(
+        &self,
+        to: &mut RenderedTruth,
+        target: usize,
+        source: usize,
+        place: &Moved,
+        volume: &MeasurementVolume,
+    ) {
         let from = self.truth;
         to.cam2_px[target] = place.cam2_px.coords.map(|c| c as f32).into();
         to.point[target] = (place.point.coords / self.frames.unit_m).map(|c| c as f32).into();
@@ -121,13 +130,13 @@ impl Scene<'_> {
     }
 }
 
-/// The moved points, by the pixels that they came from.
+/// The moved points, indexed by the pixels that they came from.
 struct Surface<'a> {
     moved: &'a [Option<Moved>],
     width: usize,
 }
 
-/// How places change from one pixel to the next along an axis of the image of C1 that they came from.
+/// Change of places from one pixel to the next, along an axis of the image of C1 before the motion.
 struct Slope {
     cam1_px: Vector2<f64>,
     cam2_px: Vector2<f64>,
@@ -135,12 +144,12 @@ struct Slope {
 }
 
 impl Surface<'_> {
-    /// For every pixel the one whose point it sees now.
+    /// For every pixel, the pixel whose point it sees now.
     fn nearest(&self) -> Vec<Option<usize>> {
         let mut front_m = vec![f64::INFINITY; self.moved.len()];
-        self.each(|target, _, moved, _| front_m[target] = moved.point.z.min(front_m[target]));
+        self.for_each_in_reach(|target, _, moved, _| front_m[target] = moved.point.z.min(front_m[target]));
         let mut nearest = vec![(f64::INFINITY, None); self.moved.len()];
-        self.each(|target, source, moved, distance_px| {
+        self.for_each_in_reach(|target, source, moved, distance_px| {
             if moved.point.z <= front_m[target] + LAYER_M && distance_px < nearest[target].0 {
                 nearest[target] = (distance_px, Some(source));
             }
@@ -148,8 +157,8 @@ impl Surface<'_> {
         nearest.into_iter().map(|(_, source)| source).collect()
     }
 
-    /// Calls with every point and every pixel in its reach: pixel, pixel that it came from, point, distance in pixels.
-    fn each(&self, mut call: impl FnMut(usize, usize, &Moved, f64)) {
+    /// Calls `call` for every point and every pixel in its reach: pixel, original pixel, point, distance in pixels.
+    fn for_each_in_reach(&self, mut call: impl FnMut(usize, usize, &Moved, f64)) {
         let height = self.moved.len() / self.width.max(1);
         for (source, moved) in self.moved.iter().enumerate() {
             let Some(moved) = moved else { continue };
@@ -166,7 +175,7 @@ impl Surface<'_> {
         }
     }
 
-    /// The place of the surface that pixel `source` saw which pixel `target` sees now.
+    /// The place, on the surface that pixel `source` saw, that pixel `target` sees now.
     fn at(&self, source: usize, target: usize) -> Option<Moved> {
         let own = (*self.moved.get(source)?)?;
         let (column, row, height) = (source % self.width, source / self.width, self.moved.len() / self.width);
@@ -181,8 +190,8 @@ impl Surface<'_> {
         })
     }
 
-    /// The slope at a pixel towards the neighbours `step` before and after it that continue its surface; without any, both
-    /// images move alike.
+    /// The slope at a pixel, from the neighbours at `−step` and `+step` on the same surface. Without such neighbours,
+    /// both images move equally.
     fn slope(&self, own: &Moved, source: usize, step: usize, inside: [bool; 2], axis: Vector2<f64>) -> Slope {
         let neighbour = |is_inside: bool, i: usize| {
             let other = is_inside.then(|| self.moved.get(i).copied().flatten()).flatten();
@@ -214,7 +223,7 @@ mod tests {
 
     const SIZE_PX: [usize; 2] = [320, 256];
 
-    /// The truth of an object that moves, its setup, and the exact truth at the pose of an image.
+    /// The truth of a moving object, its setup, and the exact truth at the pose of an image.
     fn moving(object: Object, image: usize) -> (RenderedTruth, Setup, RenderedTruth) {
         let usual = SimulationOptions::usual(object);
         let options = SimulationOptions {
@@ -249,7 +258,7 @@ mod tests {
         for object in [Object::Nose, Object::Machine] {
             let image = 1;
             let (before, setup, exact) = moving(object, image);
-            let found = moved(&before, &setup, setup.motion.as_ref().unwrap(), image as f64).unwrap();
+            let found = truth_at(&before, &setup, setup.motion.as_ref().unwrap(), image as f64).unwrap();
             let (mut compared, mut off_px, mut off_mm, mut apart) = (0, 0, 0, 0);
             for i in 0..exact.reference.len() {
                 apart += usize::from(exact.reference[i] != found.truth.reference[i]);
@@ -262,17 +271,17 @@ mod tests {
                 off_mm += usize::from((point(here.1, 1.0) - point(there.1, 1.0)).norm() > 0.03);
             }
             assert!(compared > 20_000, "{object:?}: {compared} compared");
-            assert!(apart * 25 < compared, "{object:?}: {apart} of {compared} are reference on one side alone");
+            assert!(apart * 25 < compared, "{object:?}: {apart} of {compared} are reference in one truth only");
             assert!(off_px * 25 < compared, "{object:?}: {off_px} of {compared} are off in C2");
             assert!(off_mm * 25 < compared, "{object:?}: {off_mm} of {compared} are off in space");
         }
     }
 
     #[test]
-    fn at_its_own_moment_it_stays_as_it_is() {
+    fn at_its_own_moment_it_stays_the_same() {
         let (before, setup, _) = moving(Object::Tooth, 0);
         let motion = setup.motion.as_ref().unwrap();
-        let found = moved(&before, &setup, motion, motion.reference).unwrap();
+        let found = truth_at(&before, &setup, motion, motion.reference).unwrap();
         let same = |i: &usize| {
             let [a, b] = [&before, &found.truth].map(|t| (t.reference[*i], t.lit[*i], t.seen_by_cam2[*i]));
             let off = (pixel(before.cam2_px[*i]) - pixel(found.truth.cam2_px[*i])).norm();

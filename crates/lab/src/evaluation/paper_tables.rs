@@ -1,4 +1,4 @@
-//! The paper's tables of results, and ours beside them.
+//! The paper's tables of results beside ours.
 
 use std::fmt::Write as _;
 
@@ -17,7 +17,7 @@ pub struct PaperRow {
     pub points: u64,
 }
 
-/// A row of ours for Table 1; `object` as the paper names it, to stand beside its row.
+/// One of our rows for Table 1, matched to the paper's row by `object`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompletenessRow {
     /// The measured object.
@@ -32,7 +32,7 @@ pub struct CompletenessRow {
     pub points: u64,
 }
 
-/// A row of Table 2: images of a sequence with 16, 8 and 4 phase steps.
+/// A row of Table 2: images per sequence with 16, 8 and 4 phase steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SequenceRow {
     /// The method: CGC, EGC or PA.
@@ -63,20 +63,20 @@ const fn row(object: &'static str, com_percent: f64, miss_percent: f64, fpc_perc
     PaperRow { object, com_percent, miss_percent, fpc_percent, points }
 }
 
-/// Table 1 as text, ours beside the paper's; rows of ours that the paper lacks come last.
+/// Table 1 as text, ours beside the paper's; objects that the paper lacks come last.
 #[must_use]
 pub fn completeness_table(ours: &[CompletenessRow]) -> String {
     let mut text = format!("{:16}{:^34}  {:^34}\n", "", "paper", "ours");
     let head = format!("{:>8}{:>8}{:>8}{:>10}", "com %", "miss %", "fpc %", "points");
-    put(&mut text, "object", &head, &head);
+    push_line(&mut text, "object", &head, &head);
     for theirs in &PAPER_TABLE_1 {
         let left = figures([theirs.com_percent, theirs.miss_percent, theirs.fpc_percent], theirs.points);
         let right = ours.iter().find(|o| o.object == theirs.object).map(our_figures);
-        put(&mut text, theirs.object, &left, &right.unwrap_or_else(|| format!("{:>34}", "–")));
+        push_line(&mut text, theirs.object, &left, &right.unwrap_or_else(|| format!("{:>34}", "–")));
     }
     let known = |o: &&CompletenessRow| PAPER_TABLE_1.iter().any(|p| p.object == o.object);
     for other in ours.iter().filter(|o| !known(o)) {
-        put(&mut text, &other.object, &format!("{:>34}", "–"), &our_figures(other));
+        push_line(&mut text, &other.object, &format!("{:>34}", "–"), &our_figures(other));
     }
     text
 }
@@ -86,10 +86,10 @@ pub fn completeness_table(ours: &[CompletenessRow]) -> String {
 pub fn sequence_table(ours: &[SequenceRow]) -> String {
     let mut text = format!("{:16}{:^30}  {:^30}\n", "", "paper", "ours");
     let head = format!("{:>10}{:>10}{:>10}", "16-phase", "8-phase", "4-phase");
-    put(&mut text, "images", &head, &head);
+    push_line(&mut text, "images", &head, &head);
     for theirs in &PAPER_TABLE_2 {
         let right = ours.iter().find(|o| o.method == theirs.method).map(|o| counts(o.images));
-        put(&mut text, theirs.method, &counts(theirs.images), &right.unwrap_or_else(|| format!("{:>30}", "–")));
+        push_line(&mut text, theirs.method, &counts(theirs.images), &right.unwrap_or_else(|| format!("{:>30}", "–")));
     }
     text
 }
@@ -106,7 +106,7 @@ fn counts(images: [u64; 3]) -> String {
     images.iter().map(|n| format!("{n:10}")).collect()
 }
 
-fn put(text: &mut String, name: &str, left: &str, right: &str) {
+fn push_line(text: &mut String, name: &str, left: &str, right: &str) {
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{name:16}{left}  {right}");
 }

@@ -1,4 +1,4 @@
-//! A cloud spread over the pixels of C1.
+//! A cloud organized by the pixels of C1.
 
 use fringeflow::cloud::{Cloud, CloudPoint};
 use fringeflow::geometry::{Pixel, Point3};
@@ -45,8 +45,8 @@ impl<'a> PixelGrid<'a> {
         Pixel::new((pixel % self.width) as f64, (pixel / self.width) as f64)
     }
 
-    /// Whether a point of C2 is what the pixel or one of its eight neighbours corresponds to, by `truth`.
-    pub(super) fn explained(&self, pixel: usize, cam2_px: &Pixel, truth: impl Fn(usize) -> Option<Pixel>) -> bool {
+    /// Whether a point of C2 lies near the true correspondence of the pixel or of one of its eight neighbours.
+    pub(super) fn is_explained(&self, pixel: usize, cam2_px: &Pixel, truth: impl Fn(usize) -> Option<Pixel>) -> bool {
         let (u, v) = (pixel % self.width, pixel / self.width);
         let rows = v.saturating_sub(1)..=(v + 1).min(self.height - 1);
         let columns = u.saturating_sub(1)..=(u + 1).min(self.width - 1);
@@ -61,12 +61,12 @@ pub(super) fn pixel(stored: [f32; 2]) -> Pixel {
     Pixel::from(stored.map(f64::from))
 }
 
-/// Whether a point of C2 is the reference's; never where the reference is NaN.
+/// Whether a point of C2 agrees with the reference; false where the reference is NaN.
 pub(super) fn is_close(cam2_px: &Pixel, reference: [f32; 2]) -> bool {
     (cam2_px - pixel(reference)).norm() <= TOLERANCE_PX
 }
 
-/// A stored 3D point as a [`Point3`], in metres if one of its units has `unit_m` metres.
+/// A stored 3D point as a [`Point3`], in metres; its unit has `unit_m` metres.
 pub(super) fn point(stored: [f32; 3], unit_m: f64) -> Point3 {
     Point3::from(stored.map(|x| f64::from(x) * unit_m))
 }

@@ -1,4 +1,5 @@
-//! The paper's reference data RD of a rendered scene: the true correspondences that Gray code finds too (section 3).
+//! The paper's reference data RD of a rendered scene: the true correspondences that Gray code finds as well (section
+//! 3).
 
 use fringeflow::cloud::Cloud;
 use fringeflow_dataset::RenderedTruth;
@@ -6,9 +7,9 @@ use fringeflow_dataset::RenderedTruth;
 use super::EvaluationError;
 use super::pixel_grid::{PixelGrid, is_close, pixel};
 
-/// Limits the reference of `truth` to what is measurable and in `gray`, the cloud of the Gray-code reference, within
-/// [`super::TOLERANCE_PX`] of the truth; what else `gray` finds goes to `gray_cam2_px`. For images of C1 of `size_px`
-/// (width, height).
+/// Limits the references of `truth` to measurable pixels where `gray`, the cloud of the Gray-code reference, agrees
+/// with the truth within [`super::TOLERANCE_PX`]. All other points of `gray` go to `gray_cam2_px`. For images of C1 of
+/// `size_px` (width, height).
 ///
 /// # Errors
 /// A cloud or a truth of another image size.
@@ -41,7 +42,7 @@ mod tests {
 
     const NONE: [f32; 2] = [f32::NAN; 2];
 
-    /// One row of five pixels: three measurable, one in the dark, one whose ray hits nothing.
+    /// One row of five pixels: three measurable, one unlit, one whose ray hits nothing.
     fn truth() -> RenderedTruth {
         let measurable = vec![true, true, true, false, false];
         RenderedTruth {
@@ -57,12 +58,12 @@ mod tests {
     }
 
     #[test]
-    fn only_what_gray_code_finds_within_the_tolerance_is_reference() {
+    fn only_correspondences_confirmed_by_gray_code_are_references() {
         let gray = cloud(&[
             ([0, 0], [11.9, 0.0], 0.3), // 1.9 px off
             ([1, 0], [13.1, 0.0], 0.3), // 2.1 px off
             ([3, 0], [13.0, 0.0], 0.3), // right, but not measurable
-            ([4, 0], [50.0, 1.0], 0.3), // there is nothing
+            ([4, 0], [50.0, 1.0], 0.3), // no surface
         ]);
         let limited = limit_to_gray_code(truth(), &gray, [5, 1]).unwrap();
         assert_eq!(limited.reference, [true, false, false, false, false]);

@@ -1,4 +1,4 @@
-//! Whether stated confidences hold: of points given 99 %, 99 % should be true.
+//! Reliability of the confidences: of points with a confidence of 99 %, 99 % should be true.
 
 use serde::Serialize;
 
@@ -6,25 +6,26 @@ use fringeflow::cloud::Cloud;
 
 use super::Judgement;
 
-/// Parts of equal numbers of points that are told apart.
+/// Number of parts with equal numbers of points.
 const PARTS: usize = 10;
 
-/// One of ten equal parts of the points, divided by their confidence.
+/// One of ten equal parts of the points, sorted by confidence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ReliabilityPart {
-    /// Points that could be judged.
+    /// Judged points.
     pub points: u64,
     /// Least confidence among them, percent.
     pub least_percent: f64,
     /// Mean of their confidences, percent.
     pub stated_percent: f64,
-    /// How many of them are no false positives, percent.
+    /// Share of them that are no false positives, percent.
     pub true_percent: f64,
 }
 
-/// The points of a cloud in ten equal parts, those of least confidence first; none where no confidence is stated.
+/// Splits the points of a cloud into ten equal parts, the lowest confidences first. Empty where no confidence is
+/// stated.
 ///
-/// `judgements` are those of the pixels of C1, `width` of them in a row. Points that nothing is known about are left out.
+/// `judgements` are those of the pixels of C1, with `width` per row. Unjudged points are left out.
 #[must_use]
 pub fn reliability(cloud: &Cloud, judgements: &[Judgement], width: usize) -> Vec<ReliabilityPart> {
     let judged = cloud.points.iter().filter_map(|point| {
@@ -36,10 +37,10 @@ pub fn reliability(cloud: &Cloud, judgements: &[Judgement], width: usize) -> Vec
     judged.sort_by(|a, b| a.0.total_cmp(&b.0));
     let ends = |part: usize| judged.len() * part / PARTS;
     let parts = (0..PARTS).map(|part| &judged[ends(part)..ends(part + 1)]);
-    parts.filter_map(of_part).collect()
+    parts.filter_map(part_figures).collect()
 }
 
-fn of_part(part: &[(f32, bool)]) -> Option<ReliabilityPart> {
+fn part_figures(part: &[(f32, bool)]) -> Option<ReliabilityPart> {
     let (least, _) = part.first()?;
     let count = part.len() as f64;
     let stated: f64 = part.iter().map(|(confidence, _)| f64::from(*confidence)).sum();
@@ -58,7 +59,7 @@ mod tests {
     use crate::evaluation::test_cloud::cloud;
 
     #[test]
-    fn parts_are_equal_and_say_what_was_stated_and_what_is_true() {
+    fn parts_are_equal_and_show_stated_and_true_shares() {
         let points: Vec<_> = (0..40).map(|u| ([u, 0], [0.0, 0.0], 1.0)).collect();
         let mut cloud = cloud(&points);
         // The first four are doubtful, and one of them is wrong.

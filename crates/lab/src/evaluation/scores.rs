@@ -1,10 +1,10 @@
-//! The figures that a cloud is judged by.
+//! The scores of a cloud.
 
 use serde::Serialize;
 
 use super::{EvaluationError, Judgement};
 
-/// Figures of a cloud, percentages of the reference correspondences (paper, section 3).
+/// Scores of a cloud, in percent of the reference correspondences (paper, section 3).
 ///
 /// com + miss + fpc may exceed 100 %, since points without a reference can be false too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -15,30 +15,30 @@ pub struct Scores {
     pub reference: u64,
     /// com: reference correspondences found correctly.
     pub com_percent: f64,
-    /// com of the references in the interior: those whose neighbours in 5 × 5 are references too, without a jump of 1 mm in depth.
-    /// `None` where the truth is not exact, or nothing is so wide.
+    /// com of the interior: references whose neighbours in 5 × 5 are references too, within 1 mm of depth. `None` where
+    /// the truth is not exact or there is no interior.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interior_percent: Option<f64>,
     /// miss: reference correspondences without a point.
     pub miss_percent: f64,
-    /// fpc: points at a wrong place, [`Self::wrong_percent`] and [`Self::stray_percent`] together.
+    /// fpc: points at a wrong place, the sum of [`Self::wrong_percent`] and [`Self::stray_percent`].
     pub fpc_percent: f64,
-    /// Points elsewhere than their reference.
+    /// Points that disagree with their reference.
     pub wrong_percent: f64,
-    /// Points where truly there is no correspondence; zero where that is not known.
+    /// Points at pixels without a true correspondence; zero where these are unknown.
     pub stray_percent: f64,
-    /// Points that the exact truth does not support, whether Gray code has them too or not.
+    /// Points that the exact truth does not support, even if Gray code has them too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outliers_percent: Option<f64>,
-    /// Points that nothing is known about.
+    /// Points without a truth to judge them by.
     pub unjudged: u64,
-    /// Root of the mean squared 3D distance of the correct points, metres; `None` without any.
+    /// Root mean square 3D distance of the correct points, metres; `None` without any.
     pub rms_m: Option<f64>,
     /// Median 3D distance of the correct points, metres; `None` without any.
     pub median_m: Option<f64>,
 }
 
-/// How many there are of what.
+/// Counts of judgements.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
     pub(super) reference: u64,
@@ -50,7 +50,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Counts a pixel that stands for one reference at most.
+    /// Counts a pixel that has one reference at most.
     pub(super) fn add(&mut self, judgement: Judgement) {
         match judgement {
             Judgement::Correct => self.correct += 1,
@@ -62,7 +62,7 @@ impl Tally {
         }
     }
 
-    /// The figures, with the 3D errors of the correct points.
+    /// The scores, with the 3D errors of the correct points.
     pub(super) fn scores(
         &self,
         points: usize,

@@ -1,29 +1,29 @@
-//! Tracked poses of a scanner against the true ones.
+//! Evaluation of tracked poses against the true ones.
 
 use nalgebra::{Matrix6, Vector6};
 use serde::Serialize;
 
 use fringeflow::geometry::{Point3, Pose};
 
-/// How far tracked poses are from the true ones; both count from the first.
+/// Distance of tracked poses from the true ones; both are relative to the first pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrajectoryScores {
-    /// Poses compared, the first aside.
+    /// Poses compared, without the first.
     pub poses: usize,
-    /// Root mean square of how far a place is put from where it is, metres.
+    /// Root mean square distance between the tracked and the true position of a place, metres.
     pub rms_m: f64,
     /// Largest such distance, metres.
     pub max_m: f64,
-    /// Such a distance at the last pose, metres: what a scan that comes back has drifted.
+    /// That distance at the last pose, metres: the drift of a scan that returns.
     pub last_m: f64,
-    /// Root mean square of the turns off, rad.
+    /// Root mean square of the rotation errors, rad.
     pub rms_rad: f64,
-    /// Root mean square of the errors, in the standard deviations that the poses state: 1 where these hold, more where poses
-    /// promise too much; `None` where one states none.
+    /// Root mean square of the errors in units of the stated standard deviations: 1 where these hold, more where they
+    /// are too small; `None` where a pose states none.
     pub rms_sd: Option<f64>,
 }
 
-/// A tracked pose and how well it says that it is known.
+/// A tracked pose with its stated covariance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StatedPose {
     /// Pose of camera 1 in its frame at the first cloud.
@@ -32,10 +32,10 @@ pub struct StatedPose {
     pub covariance: Matrix6<f64>,
 }
 
-/// Compares poses `first_from_cam1` with true ones `anything_from_cam1`, at a place of the first frame.
+/// Compares poses `first_from_cam1` with true poses `anything_from_cam1`, at a place of the first frame.
 ///
-/// `cam1_from_exact` takes the exact frame of C1, in which the true poses are, to the calibrated one of the tracked: a camera
-/// does not know where its own frame is but by its calibration. `None` for less than two poses.
+/// `cam1_from_exact` maps the exact frame of C1, which the true poses refer to, to its calibrated frame, which the
+/// tracked poses refer to: a camera knows its frame only by calibration. `None` for fewer than two poses.
 #[must_use]
 pub fn against_trajectory(
     tracked: &[StatedPose],
@@ -70,7 +70,7 @@ pub fn against_trajectory(
     })
 }
 
-/// Mean square of the six parts of an error, in standard deviations; `None` where none are stated.
+/// Mean square of the six components of an error in units of the standard deviation; `None` where none are stated.
 fn square_in_sd(tracked: &StatedPose, expected: &Pose) -> Option<f64> {
     let error = tracked.first_from_cam1 * expected.inverse();
     let (shift, turn) = (error.translation.vector, error.rotation.scaled_axis());
@@ -84,7 +84,7 @@ mod tests {
     use fringeflow::geometry::Vector3;
 
     #[test]
-    fn only_what_is_off_counts() {
+    fn only_errors_count() {
         let pose = |x: f64, turn: f64| Pose::new(Vector3::new(x, 0.1, 0.0), Vector3::new(0.0, turn, 0.0));
         let world = [pose(0.2, 0.5), pose(0.3, 0.6), pose(0.5, 0.4)];
         let cam1_from_exact = Pose::new(Vector3::new(0.0, 1e-3, 0.0), Vector3::new(2e-3, 0.0, 0.0));
@@ -99,7 +99,7 @@ mod tests {
         assert!(exact.poses == 2 && exact.max_m < 1e-12 && exact.rms_rad < 1e-7, "{exact:?}");
         let shift = Pose::translation(3e-4, 0.0, 4e-4);
         let off = scores(&[right[0], right[1], shift * right[2]]).unwrap();
-        // 3 and 4 standard deviations at one of two poses, none in the other ten parts.
+        // 3 and 4 standard deviations at one of two poses, none in the other ten components.
         assert!((off.rms_sd.unwrap() - (25.0_f64 / 12.0).sqrt()).abs() < 1e-6 && off.last_m == off.max_m, "{off:?}");
         assert!((off.max_m - 5e-4).abs() < 1e-9 && (off.rms_m - 5e-4 / 2.0_f64.sqrt()).abs() < 1e-9, "{off:?}");
         assert!(scores(&right[..1]).is_none());

@@ -1,18 +1,18 @@
-//! Colours: a sequential map for quantities, a diverging one for those about zero, a cyclic one for phase, a palette for
-//! kinds.
+//! Colour maps: sequential for quantities, diverging for quantities about zero, cyclic for phase; and a palette for
+//! categories.
 
 use std::f64::consts::TAU;
 
 /// Red, green, blue; 8-bit sRGB.
 pub(super) type Rgb = [u8; 3];
 
-/// Where there is nothing.
+/// Pixels without a value.
 pub(super) const BACKGROUND: Rgb = [22, 24, 28];
-/// Where something could not be used.
+/// Pixels with an unusable value.
 pub(super) const INVALID: Rgb = [58, 60, 64];
-/// Lines that should be seen second.
+/// Lines in the background.
 pub(super) const MUTED: Rgb = [120, 125, 133];
-/// Text and lines that should be seen first.
+/// Text and lines in the foreground.
 pub(super) const INK: Rgb = [230, 232, 236];
 
 // Okabe and Ito, "Color Universal Design" (2008).
@@ -24,7 +24,7 @@ pub(super) const ORANGE: Rgb = [230, 159, 0];
 pub(super) const VERMILION: Rgb = [213, 94, 0];
 pub(super) const PURPLE: Rgb = [204, 121, 167];
 
-/// Samples of the map viridis of Smith, van der Walt and Firing (2015), at equal distances.
+/// Samples of the colour map viridis by Smith, van der Walt and Firing (2015), at equal distances.
 const VIRIDIS: [Rgb; 9] = [
     [68, 1, 84],
     [71, 45, 123],
@@ -37,7 +37,7 @@ const VIRIDIS: [Rgb; 9] = [
     [253, 231, 37],
 ];
 
-/// Colour of a share in [0, 1] of the range of a quantity: dark violet to yellow, even to the eye.
+/// Colour of a value in [0, 1] of its range: dark violet to yellow, perceptually uniform.
 pub(super) fn sequential(share: f32) -> Rgb {
     let last = VIRIDIS.len() - 1;
     let place = share.clamp(0.0, 1.0) * last as f32;
@@ -45,7 +45,7 @@ pub(super) fn sequential(share: f32) -> Rgb {
     mix(VIRIDIS[index], VIRIDIS[index + 1], place - index as f32)
 }
 
-/// Colour of a share in [−1, 1] of the range of a quantity about zero: blue, light grey, red.
+/// Colour of a value in [−1, 1] of its range: blue, light grey, red.
 pub(super) fn diverging(share: f32) -> Rgb {
     let end = if share < 0.0 { BLUE } else { VERMILION };
     mix(INK, end, share.abs().min(1.0))
@@ -61,14 +61,14 @@ pub(super) fn shaded(colour: Rgb, factor: f32) -> Rgb {
     colour.map(|c| (f32::from(c) * factor).round().clamp(0.0, 255.0) as u8)
 }
 
-/// Colours of one turn of phase, in equal steps: a circle around the grey axis of Oklab.
+/// Colours of one period of phase in equal steps: a circle around the grey axis of Oklab.
 ///
-/// Equal phase steps look equally large, there is no seam at 0, and the lightness goes up and down once a turn, so that
-/// fringes are seen in a grey print as well.
+/// Equal phase steps look equally large and there is no seam at 0. The lightness rises and falls once per period, so
+/// fringes are visible in a grey print as well.
 pub(super) fn cyclic_map() -> [Rgb; 256] {
     std::array::from_fn(|i| {
         let (sin, cos) = (i as f64 / 256.0 * TAU).sin_cos();
-        // Lightness and chroma that keep the whole circle inside sRGB.
+        // With this lightness and chroma, the whole circle lies inside sRGB.
         from_oklab([0.62 - 0.2 * cos, 0.105 * sin, 0.105 * cos])
     })
 }
@@ -86,7 +86,7 @@ fn from_oklab([lightness, a, b]: [f64; 3]) -> Rgb {
     .map(|linear| (gamma(linear.clamp(0.0, 1.0)) * 255.0).round() as u8)
 }
 
-/// The transfer curve of sRGB.
+/// Transfer curve of sRGB.
 fn gamma(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cyclic_map_has_no_seam_and_no_two_equal_colours_far_apart() {
+    fn the_cyclic_map_has_no_seam_and_opposite_colours_differ() {
         let map = cyclic_map();
         for i in 0..256 {
             assert!(distance(map[i], map[(i + 1) % 256]) < 8.0, "step at {i}");

@@ -1,4 +1,4 @@
-//! How sure the points of a cloud are, as C1 sees them.
+//! Confidence of the points of a cloud, as seen by C1.
 
 use fringeflow::cloud::Cloud;
 
@@ -6,11 +6,11 @@ use super::colour::{BACKGROUND, Rgb, sequential};
 use super::picture::Picture;
 use super::scale::with_scale;
 
-/// Nines of a confidence with the full colour: 99.99 %.
+/// Number of nines with the full colour: 99.99 %.
 const MOST_NINES: f32 = 4.0;
 
-/// Confidence of the points at their pixels of C1: every nine from none to 99.99 % is a quarter of the colours, yellow is
-/// sure; a scale stands below. Points whose method states none are left out.
+/// Confidence of the points at their pixels of C1, on a scale of nines: each nine from none to 99.99 % is a quarter of
+/// the colours, yellow is certain. A scale is drawn below. Points without a stated confidence are left out.
 ///
 /// `size_px` is the size of the images of C1 (width, height); points outside are left out.
 #[must_use]
@@ -23,12 +23,12 @@ pub fn confidence_picture(cloud: &Cloud, [width, height]: [usize; 2]) -> Picture
             colours[v * width + u] = colour(nines / MOST_NINES);
         }
     }
-    let picture = Picture::of([width, height], |i| colours[i]);
+    let picture = Picture::from_fn([width, height], |i| colours[i]);
     with_scale(picture, &["0 %".to_owned(), "99.99 %".to_owned()], colour)
 }
 
 fn colour(share: f32) -> Rgb {
-    // The darkest tenth of the map would pass for the background.
+    // The darkest tenth of the map would look like the background.
     sequential(0.1 + 0.9 * share.clamp(0.0, 1.0))
 }
 

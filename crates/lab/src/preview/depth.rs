@@ -1,4 +1,4 @@
-//! A cloud as C1 sees it: depth in colours, hill-shaded.
+//! A cloud as seen by C1: depth in colours, hill-shaded.
 
 use fringeflow::cloud::Cloud;
 
@@ -7,18 +7,18 @@ use super::picture::Picture;
 use super::scale::with_scale;
 use super::shading::PointMap;
 
-/// Share of the points at either end of the depths whose colours run together: outliers must not stretch the map.
+/// Share of the points at either end of the depths that is clipped: outliers must not stretch the map.
 const CLIPPED_SHARE: f64 = 0.005;
 
-/// Depth z of the points at their pixels of C1: near is yellow, far is violet, shaded as if lit from the upper left; a
-/// scale in millimetres stands below.
+/// Depth z of the points at their pixels of C1: yellow is near, violet is far, shaded as if lit from the upper left. A
+/// scale in millimetres is drawn below.
 ///
 /// `size_px` is the size of the images of C1 (width, height); points outside are left out.
 #[must_use]
 pub fn depth_picture(cloud: &Cloud, size_px: [usize; 2]) -> Picture {
     let map = point_map(cloud, size_px);
     let [near_m, far_m] = depth_range(&map);
-    let picture = Picture::of(size_px, |i| match map.points_m[i] {
+    let picture = Picture::from_fn(size_px, |i| match map.points_m[i] {
         Some(point) => {
             let brightness = map.brightness(i % map.width, i / map.width, point);
             shaded(depth_colour((point[2] - near_m) / (far_m - near_m)), brightness)
@@ -40,7 +40,7 @@ fn point_map(cloud: &Cloud, [width, height]: [usize; 2]) -> PointMap {
     PointMap { width, height, points_m }
 }
 
-/// Depths between which the colours spread; never equal.
+/// Range of depths for the colours; its ends differ.
 fn depth_range(map: &PointMap) -> [f32; 2] {
     let mut depths: Vec<f32> = map.points_m.iter().flatten().map(|p| p[2]).collect();
     if depths.is_empty() {
@@ -54,7 +54,7 @@ fn depth_range(map: &PointMap) -> [f32; 2] {
 }
 
 fn depth_colour(share: f32) -> Rgb {
-    // The darkest fifth of the map would drown in the shading.
+    // The darkest fifth of the map would vanish in the shading.
     sequential(1.0 - 0.85 * share.clamp(0.0, 1.0))
 }
 
@@ -65,7 +65,7 @@ mod tests {
 
     const SIZE: [usize; 2] = [121, 101];
 
-    /// A plane at 0.5 m with a bump of 10 mm towards the camera in the middle; 1 mm a pixel.
+    /// A plane at 0.5 m with a bump of 10 mm towards the camera in the middle; 1 mm per pixel.
     fn bump() -> Cloud {
         let points = (0..SIZE[0] * SIZE[1]).map(|i| {
             let [u, v] = [i % SIZE[0], i / SIZE[0]];
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn a_bump_is_brighter_on_the_lit_side() {
         let picture = depth_picture(&bump(), SIZE);
-        // Equally far from the summit: the same depth, so the same colour before shading.
+        // Both lie equally far from the summit: the same depth, and the same colour before shading.
         let [lit, averted] = [brightness(&picture, 50, 40), brightness(&picture, 70, 60)];
         assert!(lit * 4 > averted * 5, "lit {lit}, averted {averted}");
     }

@@ -1,4 +1,5 @@
-//! A bitmap font of 5 × 8 pixels with the characters that pictures need, and drawing text with it.
+//! A bitmap font of 5 × 8 pixels, and drawing text with it. It is here because pictures need 42 characters, δ and ±
+//! among them, and a font crate would be a dependency for these few labels.
 
 use super::colour::Rgb;
 use super::picture::Picture;
@@ -8,7 +9,7 @@ const ROWS: usize = 8;
 /// Distance from one character to the next.
 const ADVANCE: usize = COLUMNS + 1;
 
-/// Characters and their rows from the top, the leftmost pixel in bit 4; the last row holds descenders.
+/// Characters and their rows from the top; the leftmost pixel is bit 4, and the last row holds descenders.
 #[rustfmt::skip]
 const GLYPHS: [(char, [u8; ROWS]); 42] = [
     ('a', [0b00000, 0b00000, 0b01110, 0b00001, 0b01111, 0b10001, 0b01111, 0b00000]),
@@ -55,12 +56,12 @@ const GLYPHS: [(char, [u8; ROWS]); 42] = [
     ('δ', [0b00110, 0b01000, 0b00100, 0b01110, 0b10001, 0b10001, 0b01110, 0b00000]),
 ];
 
-/// Width and height of a text whose font pixels are squares of `scale` pixels.
+/// Width and height of a text; a font pixel is a square of `scale` pixels.
 pub(super) fn text_size(text: &str, scale: usize) -> [usize; 2] {
     [(text.chars().count() * ADVANCE).saturating_sub(1) * scale, ROWS * scale]
 }
 
-/// Draws a text with its top left corner at `[left, top]`; characters that the font lacks stay blank.
+/// Draws a text with its top left corner at `[left, top]`; characters missing in the font stay blank.
 pub(super) fn draw_text(picture: &mut Picture, [left, top]: [usize; 2], text: &str, scale: usize, colour: Rgb) {
     for (place, character) in text.chars().enumerate() {
         if let Some((_, rows)) = GLYPHS.iter().find(|(c, _)| *c == character) {
@@ -77,7 +78,7 @@ fn draw_glyph(picture: &mut Picture, [left, top]: [usize; 2], rows: &[u8; ROWS],
     }
 }
 
-/// Whether every character of a text but the space can be drawn.
+/// Whether the font has every character of a text except the space.
 #[cfg(test)]
 pub(super) fn can_draw(text: &str) -> bool {
     text.chars().all(|c| c == ' ' || GLYPHS.iter().any(|(known, _)| *known == c))
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn every_character_has_another_shape() {
+    fn characters_have_different_shapes() {
         for (i, (a, rows)) in GLYPHS.iter().enumerate() {
             assert!(rows.iter().all(|row| *row < 32), "{a} is too wide");
             assert!(GLYPHS[..i].iter().all(|(_, other)| other != rows), "{a} has the shape of another");

@@ -7,17 +7,16 @@ use super::font::{draw_text, text_size};
 use super::picture::Picture;
 
 const SIZE: [usize; 2] = [960, 480];
-/// Left top corner of the plot and its size; one bin is [`BAR`] wide.
+/// Top left corner of the plot, and its size; a bin is [`BAR`] wide.
 const PLOT: [usize; 2] = [80, 48];
 const PLOT_SIZE: [usize; 2] = [840, 360];
 const BAR: usize = 3;
 const BINS: usize = PLOT_SIZE[0] / BAR;
 const SCALE: usize = 2;
 
-/// Histogram of δ over (−π, π], counts on a logarithmic axis; what lies within ±`thr_rad` is blue.
+/// Histogram of δ over (−π, π], with counts on a logarithmic axis; bins within ±`thr_rad` are blue.
 ///
-/// A true correspondence gives a peak at 0, false candidates a floor. Values outside (−π, π] and those that are no
-/// numbers are left out.
+/// True correspondences give a peak at 0, false candidates a floor. Values outside (−π, π] and NaN are left out.
 #[must_use]
 pub fn delta_histogram_picture(deltas_rad: &[f32], thr_rad: f32) -> Picture {
     let counts = histogram(deltas_rad);
@@ -37,8 +36,8 @@ pub fn delta_histogram_picture(deltas_rad: &[f32], thr_rad: f32) -> Picture {
 fn histogram(deltas_rad: &[f32]) -> [u64; BINS] {
     let mut counts = [0; BINS];
     for &delta in deltas_rad.iter().filter(|d| d.abs() <= PI) {
-        let place = (delta + PI) / (2.0 * PI) * BINS as f32;
-        counts[(place as usize).min(BINS - 1)] += 1;
+        let bin = (delta + PI) / (2.0 * PI) * BINS as f32;
+        counts[(bin as usize).min(BINS - 1)] += 1;
     }
     counts
 }
@@ -47,12 +46,12 @@ fn centre_rad(bin: usize) -> f32 {
     (bin as f32 + 0.5) / BINS as f32 * 2.0 * PI - PI
 }
 
-/// Powers of ten that hold the largest count.
+/// Decades that the largest count needs.
 fn decades(counts: &[u64]) -> u32 {
     counts.iter().max().map_or(1, |&most| most.max(1).ilog10() + 1)
 }
 
-/// A count of 1 stands one tenth of a decade high, so that it is seen; 10^`decades` fills the plot.
+/// Height of a bar: a count of 1 is a tenth of a decade high, so that it is visible; 10^`decades` fills the plot.
 fn bar_height(count: u64, decades: u32) -> usize {
     if count == 0 {
         return 0;
@@ -84,7 +83,7 @@ fn draw_centred(picture: &mut Picture, [centre, top]: [usize; 2], text: &str) {
     draw_text(picture, [left, top], text, SCALE, MUTED);
 }
 
-/// Dashed lines at ±thr and what they let through.
+/// Dashed lines at ±thr, and the share of values between them.
 fn draw_threshold(picture: &mut Picture, deltas_rad: &[f32], thr_rad: f32) {
     for u in [-thr_rad, thr_rad].map(column_of) {
         for v in (PLOT[1]..PLOT[1] + PLOT_SIZE[1]).step_by(10) {
@@ -99,7 +98,7 @@ fn draw_threshold(picture: &mut Picture, deltas_rad: &[f32], thr_rad: f32) {
     draw_text(picture, [left, 16], &format!("within {percent:.1} %"), SCALE, INK);
 }
 
-/// Column of a δ; those beyond the axis are put at its end.
+/// Column of a δ; values beyond the axis go to its ends.
 fn column_of(delta_rad: f32) -> usize {
     let share = ((delta_rad + PI) / (2.0 * PI)).clamp(0.0, 1.0);
     PLOT[0] + (share * PLOT_SIZE[0] as f32).round() as usize
@@ -132,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tallest_bar_stays_in_the_plot_and_one_is_seen() {
+    fn the_tallest_bar_fits_the_plot_and_a_single_count_is_visible() {
         for most in [1, 9, 10, 11, 999, 1_000_000] {
             let decades = decades(&[most]);
             assert!(bar_height(most, decades) <= PLOT_SIZE[1]);
@@ -150,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_and_nonsense_make_a_picture() {
+    fn empty_input_and_odd_thresholds_make_a_picture() {
         for thr in [0.0, f32::NAN, f32::INFINITY, -1.0] {
             assert_eq!(delta_histogram_picture(&[], thr).size_px(), SIZE);
         }

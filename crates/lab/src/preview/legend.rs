@@ -1,15 +1,15 @@
-//! Legends of pictures that show kinds: a swatch, a name and a share each, in columns below the picture.
+//! Legends of pictures that show categories: swatch, name and share, in columns below the picture.
 
 use super::colour::{BACKGROUND, INK, MUTED, Rgb};
 use super::font::{draw_text, text_size};
 use super::picture::Picture;
 
-/// One kind in a picture.
+/// One category in a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Entry {
-    /// What it is called.
+    /// Its name.
     pub(super) name: String,
-    /// How it is drawn.
+    /// Its colour.
     pub(super) colour: Rgb,
     /// Share of the pixels, in [0, 1].
     pub(super) share: f64,
@@ -22,7 +22,7 @@ const LINE: usize = 12;
 impl Entry {
     fn text(&self) -> String {
         let percent = self.share * 100.0;
-        // Rare kinds are the ones worth counting.
+        // Rare categories need more digits.
         let digits = if percent < 1.0 { 2 } else { 1 };
         format!("{} {percent:.digits$} %", self.name)
     }
@@ -46,13 +46,13 @@ pub(super) fn with_legend(picture: Picture, entries: &[Entry]) -> Picture {
 }
 
 fn draw_entry(picture: &mut Picture, [left, top]: [usize; 2], entry: &Entry, scale: usize) {
-    // A frame, so that colours close to the background are seen.
+    // A frame makes colours close to the background visible.
     picture.fill([left, top], [(SWATCH + 2) * scale, (SWATCH + 2) * scale], MUTED);
     picture.fill([left + scale, top + scale], [SWATCH * scale; 2], entry.colour);
     draw_text(picture, [left + (SWATCH + 2 + PADDING) * scale, top + scale], &entry.text(), scale, INK);
 }
 
-/// Size of a font pixel that can be read in a picture of this width.
+/// Size of a font pixel that is readable in a picture of this width.
 pub(super) fn text_scale(width: usize) -> usize {
     (width / 600).clamp(1, 4)
 }

@@ -1,18 +1,18 @@
-//! Pictures for people: what each stage saw and decided, as PNG.
+//! Pictures of the results of each stage, as PNG.
 //!
 //! | picture | of | shows |
 //! |---|---|---|
 //! | [`phase_picture`] | wrapped phase | a cyclic colour map, invalid pixels dark grey |
 //! | [`modulation_picture`] | modulation | grey, stretched between percentiles |
 //! | [`depth_picture`] | cloud | depth per pixel of C1, coloured and hill-shaded |
-//! | [`confidence_picture`] | cloud | how sure every point is |
+//! | [`confidence_picture`] | cloud | confidence of every point |
 //! | [`drift_picture`] | drift of the calibration | δ that it causes, per pixel of C1, in diverging colours |
-//! | [`outcome_picture`] | correspondence | how every pixel was decided, with a legend |
+//! | [`outcome_picture`] | correspondence | outcome of every pixel, with a legend |
 //! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray, tolerated and missed points, with a legend |
 //! | [`delta_histogram_picture`] | back-projection test | histogram of δ with the threshold |
 //!
-//! Pure functions from slices to a [`Picture`]; nothing here measures anything. Colours follow two rules: quantities get
-//! maps that are even to the eye, kinds get the palette of Okabe and Ito, which colour-blind people can tell apart.
+//! Pure functions from slices to a [`Picture`]; nothing here measures. Quantities get perceptually uniform colour maps,
+//! categories the palette of Okabe and Ito, which colour-blind people can distinguish.
 
 mod colour;
 mod confidence;

@@ -1,4 +1,4 @@
-//! How every pixel was decided.
+//! Outcome of every pixel.
 
 use fringeflow::correspondence::{Outcome, OutcomeCounts};
 
@@ -6,12 +6,12 @@ use super::colour::{BACKGROUND, BLUE, GREEN, INK, INVALID, MUTED, ORANGE, PURPLE
 use super::legend::{Entry, with_legend};
 use super::picture::Picture;
 
-/// The outcome of every pixel of C1 in colours, with a legend of those that occur and their shares below.
+/// The outcome of every pixel of C1 in colours, with a legend of the outcomes that occur and their shares below.
 ///
-/// `outcomes` row by row for an image of `size_px` (width, height); pixels without one are left dark.
+/// `outcomes` are row by row for an image of `size_px` (width, height); pixels without one stay dark.
 #[must_use]
 pub fn outcome_picture(outcomes: &[Outcome], size_px: [usize; 2]) -> Picture {
-    let picture = Picture::of(size_px, |i| outcomes.get(i).map_or(BACKGROUND, |&o| colour(o)));
+    let picture = Picture::from_fn(size_px, |i| outcomes.get(i).map_or(BACKGROUND, |&o| colour(o)));
     with_legend(picture, &legend(outcomes))
 }
 
@@ -26,7 +26,7 @@ fn legend(outcomes: &[Outcome]) -> Vec<Entry> {
     occurring.map(entry).collect()
 }
 
-/// Cool colours for what is found easily, yellow for what took neighbours across, warm ones for what was refused.
+/// Cool colours for easy decisions, yellow for those with neighbours across, warm colours for rejections.
 fn colour(outcome: Outcome) -> Rgb {
     match outcome {
         Outcome::GrayCode => INK,
@@ -49,7 +49,7 @@ mod tests {
     use crate::preview::font::can_draw;
 
     #[test]
-    fn the_legend_names_what_occurs_with_its_share() {
+    fn the_legend_lists_the_outcomes_with_their_shares() {
         let outcomes = [[Outcome::Reference; 3].as_slice(), &[Outcome::RejectedByDelta]].concat();
         let entries = legend(&outcomes);
         let named: Vec<_> = entries.iter().map(|e| (e.name.as_str(), e.share)).collect();

@@ -5,27 +5,24 @@ use fringeflow::phase::{Modulation, PhaseMap};
 use super::colour::{INVALID, cyclic_map};
 use super::picture::Picture;
 
-/// Share of the pixels that the stretch of the modulation lets run into white.
+/// Share of the pixels that the modulation picture clips to white.
 const WHITE_SHARE: f64 = 0.005;
 
 /// The wrapped phase in cyclic colours; invalid pixels are dark grey.
 #[must_use]
 pub fn phase_picture(map: &PhaseMap) -> Picture {
     let colours = cyclic_map();
-    Picture::of(
-        [map.width, map.height],
-        |i| {
-            if map.valid[i] { colours[usize::from(map.phase[i] >> 8)] } else { INVALID }
-        },
-    )
+    Picture::from_fn([map.width, map.height], |i| {
+        if map.valid[i] { colours[usize::from(map.phase[i] >> 8)] } else { INVALID }
+    })
 }
 
 /// The modulation in grey: black is none, white its 99.5th percentile.
 #[must_use]
 pub fn modulation_picture(map: &PhaseMap) -> Picture {
     let white = upper_percentile(&map.modulation);
-    Picture::of([map.width, map.height], |i| {
-        // The cast takes what lies beyond white to it.
+    Picture::from_fn([map.width, map.height], |i| {
+        // The cast saturates at white.
         [(map.modulation[i].grey() / white * 255.0).round() as u8; 3]
     })
 }
@@ -58,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn invalid_pixels_alone_are_dark_grey() {
+    fn only_invalid_pixels_are_dark_grey() {
         let map = map();
         let picture = phase_picture(&map);
         assert_eq!(picture.size_px(), [40, 30]);

@@ -22,7 +22,7 @@ impl Picture {
     }
 
     /// A picture whose pixel `i`, row by row, is `colour(i)`.
-    pub(super) fn of([width, height]: [usize; 2], colour: impl FnMut(usize) -> Rgb) -> Self {
+    pub(super) fn from_fn([width, height]: [usize; 2], colour: impl FnMut(usize) -> Rgb) -> Self {
         Self { width, height, pixels: (0..width * height).map(colour).collect() }
     }
 
@@ -38,14 +38,14 @@ impl Picture {
         &self.pixels
     }
 
-    /// Sets a pixel; outside the picture nothing happens.
+    /// Sets a pixel; does nothing outside the picture.
     pub(super) fn set(&mut self, u: usize, v: usize, colour: Rgb) {
         if u < self.width && v < self.height {
             self.pixels[v * self.width + u] = colour;
         }
     }
 
-    /// Fills a rectangle as far as it lies in the picture.
+    /// Fills the part of a rectangle that lies in the picture.
     pub(super) fn fill(&mut self, [left, top]: [usize; 2], [width, height]: [usize; 2], colour: Rgb) {
         for v in top..(top + height).min(self.height) {
             for u in left..(left + width).min(self.width) {
@@ -64,7 +64,7 @@ impl Picture {
     /// Writes the picture as a PNG file.
     ///
     /// # Errors
-    /// The file cannot be written; whatever stood there stays. A picture without pixels cannot be a PNG.
+    /// The file cannot be written; a file that stood there stays. A picture without pixels is no valid PNG.
     pub fn write_png(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.pixels.as_flattened();
         write_atomically(path, |out| {
@@ -81,7 +81,7 @@ mod tests {
     fn the_file_holds_the_pixels() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
-        let picture = Picture::of([5, 3], |i| [i as u8, 100, 255 - i as u8]);
+        let picture = Picture::from_fn([5, 3], |i| [i as u8, 100, 255 - i as u8]);
         picture.write_png(&path).unwrap();
         let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&path).unwrap()));
         let mut reader = decoder.read_info().unwrap();

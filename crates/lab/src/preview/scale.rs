@@ -1,11 +1,12 @@
-//! Scales of pictures that show a quantity: a bar with its colours between the ends of its range, below the picture.
+//! Scales of pictures that show a quantity: a colour bar with labelled ends below the picture.
 
 use super::colour::{BACKGROUND, INK, Rgb};
 use super::font::{draw_text, text_size};
 use super::legend::text_scale;
 use super::picture::Picture;
 
-/// Adds a bar below a picture; `colour` is that of a share in [0, 1] of the range, whose ends are labelled.
+/// Adds a bar below a picture. `colour` maps a share in [0, 1] of the range to its colour; `labels` are those of the
+/// ends.
 pub(super) fn with_scale(picture: Picture, labels: &[String; 2], colour: impl Fn(f32) -> Rgb) -> Picture {
     let [width, height] = picture.size_px();
     let scale = text_scale(width);

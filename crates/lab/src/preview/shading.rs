@@ -1,12 +1,12 @@
-//! Surface normals from neighbouring points of a cloud, and the light that falls on them.
+//! Surface normals from neighbouring points of a cloud, and shading.
 
-/// Pixels to each side that a normal is fitted to: enough to swallow the noise of single points.
+/// Pixels to each side in the fit of a normal: enough to average out the noise of single points.
 const REACH: usize = 2;
-/// Neighbours further away in depth than this, per distance across, belong to another surface.
+/// Neighbours with a larger depth difference per lateral distance belong to another surface.
 const STEEPEST: f32 = 4.0;
-/// Direction from which the light comes, frame of C1: from the upper left behind the camera.
+/// Direction of the light, frame of C1: from the upper left behind the camera.
 const LIGHT: [f32; 3] = [-0.36, -0.48, -0.8];
-/// Light that comes from everywhere.
+/// Ambient light.
 const AMBIENT: f32 = 0.42;
 
 /// Points at the pixels of C1, row by row.
@@ -61,7 +61,7 @@ impl TangentFit {
         }
     }
 
-    /// Normal of any length; the determinant of the normal equations is positive and does not turn it.
+    /// Normal of arbitrary length; the determinant of the normal equations is positive and keeps its direction.
     fn normal(&self) -> Option<[f32; 3]> {
         let determinant = self.uu * self.vv - self.uv * self.uv;
         if determinant < 0.5 {
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lone_point_and_a_line_of_points_span_nothing() {
+    fn a_single_point_and_a_line_of_points_span_no_plane() {
         let mut map = plane(0.0, 0.0);
         for i in (0..81).filter(|i| i / 9 != 4) {
             map.points_m[i] = None;

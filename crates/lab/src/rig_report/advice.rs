@@ -1,19 +1,19 @@
-//! What changes of a rig would do, each found by evaluating the changed rig.
+//! Effects of changes of a rig, each found by evaluating the changed rig.
 
 use serde::Serialize;
 
 use super::evaluate::{Figures, evaluate};
 use super::{Assumptions, RigReportError, RigSetup};
 
-/// Pixels of C1's larger image axis between two pixels of the grid, as a share: advice compares, it need not be fine.
+/// Step of the grid, in larger image sides of C1 divided by this: a comparison needs no fine grid.
 const GRID_SHARE: usize = 20;
-/// Places of the projector on the base that are tried: first, last, spacing, in hundredths.
+/// Places of the projector on the base to try: first, last, step, in hundredths.
 const PLACES: (i32, i32, usize) = (20, 80, 2);
-/// Share of the false candidates that may remain for moving the projector to be worth the work.
+/// Largest share of the false candidates that may remain for a move of the projector to be advised.
 const WORTH_MOVING: f64 = 0.95;
-/// Factors by which the period is changed.
+/// Factors of the period to try.
 const PERIOD_FACTORS: [f64; 4] = [0.75, 1.25, 1.5, 2.0];
-/// Factors by which the depth of the volume is changed.
+/// Factors of the volume's depth to try.
 const DEPTH_FACTORS: [f64; 2] = [0.75, 0.5];
 
 /// A change of the rig.
@@ -24,7 +24,7 @@ pub enum Change {
     ProjectorPlace {
         /// Place now.
         from: f64,
-        /// Place with the least sum of efc and survivors on flat surfaces, where that is worth a move.
+        /// Place with the smallest sum of efc and survivors on flat surfaces.
         to: f64,
     },
     /// Another fringe period, projector pixels.
@@ -52,7 +52,7 @@ pub struct Advice {
     pub figures: Figures,
 }
 
-/// Figures of the rig as it is, on the grid of the advice, and the changes tried.
+/// Figures of the unchanged rig on the grid of the advice, and the changes tried.
 pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Figures, Vec<Advice>), RigReportError> {
     let cam1 = &setup.rig.cam1;
     let step_px = (cam1.width_px().max(cam1.height_px()) / GRID_SHARE).max(1);
@@ -61,7 +61,7 @@ pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Fig
     };
     let base = figures(setup, assumptions)?;
     let mut advice = Vec::new();
-    // A changed rig that cannot measure is no advice; it is left out.
+    // A changed rig that cannot measure is left out.
     let mut add = |change: Change, tried: Result<Figures, RigReportError>| {
         advice.extend(tried.ok().map(|figures| Advice { change, figures }));
     };
@@ -83,7 +83,7 @@ pub(super) fn advise(setup: &RigSetup, assumptions: &Assumptions) -> Result<(Fig
     Ok((base, advice))
 }
 
-/// The place of the projector with the fewest false candidates, flat and irregular surfaces counted alike.
+/// The place of the projector with the fewest false candidates, counting flat and irregular surfaces equally.
 fn best_place(setup: &RigSetup, figures: impl Fn(&RigSetup) -> Option<Figures>) -> Option<(f64, Figures)> {
     let places = (PLACES.0..=PLACES.1).step_by(PLACES.2).map(|hundredths| f64::from(hundredths) / 100.0);
     let tried = places.filter_map(|place| Some((place, figures(&setup.with_projector_place(place))?)));

@@ -1,14 +1,14 @@
-//! What is assumed of camera noise and calibration, as nothing was measured yet.
+//! Assumptions on camera noise and calibration, before anything is measured.
 
 use serde::Serialize;
 
 use super::RigReportError;
 
-/// How good the calibration is.
+/// Quality of the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationQuality {
-    /// Its share of the standard deviation of δ, rad, at the period of the report.
+    /// Its contribution to the standard deviation of δ, rad, at the period of the report.
     SdRad(f64),
     /// Standard deviation of every coordinate of a projected point, in each of the three images, pixels.
     ErrorPx(f64),
@@ -17,7 +17,7 @@ pub enum CalibrationQuality {
 /// Noise, modulation, steps and calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Assumptions {
-    /// Images of a phase measurement, N.
+    /// Number of phase shifts, N.
     pub steps: usize,
     /// Standard deviation of the camera noise σ, grey levels.
     pub noise_grey: f64,
@@ -29,20 +29,21 @@ pub struct Assumptions {
 
 impl Default for Assumptions {
     /// Four steps, an ordinary 8-bit camera in good light, and the calibration error that gives the paper's sd of 0.041
-    /// rad on a rig of its proportions.
+    /// rad on a rig of similar proportions.
     fn default() -> Self {
         Self { steps: 4, noise_grey: 1.5, modulation_grey: 80.0, calibration: CalibrationQuality::ErrorPx(0.065) }
     }
 }
 
 impl Assumptions {
-    /// Standard deviation of a wrapped phase by camera noise, `√(2/N)·σ/B`, rad.
+    /// Standard deviation of a wrapped phase caused by camera noise, `√(2/N)·σ/B`, rad.
     #[must_use]
     pub fn phase_sd_rad(&self) -> f64 {
         (2.0 / self.steps as f64).sqrt() * self.noise_grey / self.modulation_grey
     }
 
-    /// The same for a pattern whose period is `factor` times as long: a calibration error keeps its pixels.
+    /// The assumptions for a pattern with a period `factor` times as long: a calibration error stays the same in
+    /// pixels.
     pub(super) fn with_period_scaled(mut self, factor: f64) -> Self {
         if let CalibrationQuality::SdRad(sd_rad) = &mut self.calibration {
             *sd_rad /= factor;

@@ -1,9 +1,9 @@
-//! The comb: which wrong fringe orders pass the back-projection test on a locally flat surface, and how often.
+//! The comb: wrong fringe orders that pass the back-projection test on a locally flat surface, and how often.
 //!
-//! Eq. 1 supposes that δ of a wrong candidate is uniform. On a flat surface it is not: k orders away it is close to
-//! 2π·k·r, r the place of the projector on the base, so that the same orders survive over the whole image. Here each
-//! case (pixel, depth, tilt of the surface) is followed exactly: along the epipolar line on the surface to the point
-//! that C2 sees with the same wrapped phase, back to the ray of C1, and into the projector.
+//! Eq. 1 assumes that δ of a wrong candidate is uniform. On a flat surface it is not: k orders away it is close to
+//! 2π·k·r, where r is the place of the projector on the base, so the same orders survive over the whole image. Here
+//! each case (pixel, depth, tilt of the surface) is computed exactly: along the epipolar line on the surface to the
+//! point that C2 sees with the same wrapped phase, back to the ray of C1, and into the projector.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::AddAssign;
@@ -20,11 +20,11 @@ use super::surface::Surface;
 const DEPTH_SHARES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Tilts of the surface about the axis perpendicular to base and view, degrees.
 const TILTS_DEG: [f64; 5] = [-40.0, -20.0, 0.0, 20.0, 40.0];
-/// Which of them faces the rig.
+/// Index of the tilt that faces the rig.
 const FACING: usize = 2;
 /// Steps of the secant method after which a phase counts as not found.
 const MAX_SECANT_STEPS: usize = 12;
-/// Phase error, turns, at which it has converged.
+/// Phase error at convergence, periods.
 const PHASE_TOLERANCE: f64 = 1e-8;
 
 /// A wrong fringe order.
@@ -38,30 +38,30 @@ pub struct Tooth {
     pub surviving_share: f64,
     /// Mean of |δ| where present, rad; 0 where never present.
     pub mean_abs_delta_rad: f64,
-    /// |2π·order·r|, wrapped: what a flat surface far away gives, rad.
+    /// |2π·order·r|, wrapped: the value for a distant flat surface, rad.
     pub approximate_abs_delta_rad: f64,
 }
 
 /// The wrong fringe orders of a rig.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comb {
-    /// Cases looked at: pixels × depths × tilts in which all three devices see the true point.
+    /// Cases evaluated: pixels × depths × tilts in which all three devices see the true point.
     pub cases: u64,
     /// Surviving wrong candidates per true one on flat surfaces; compare with efc.
     pub survivors: f64,
-    /// The same on surfaces that face the rig, untilted: the worst case of a projector near the middle of the base.
+    /// The same on surfaces that face the rig: the worst case of a projector near the middle of the base.
     pub survivors_facing: f64,
     /// One entry for each order from −K to K without 0.
     pub teeth: Vec<Tooth>,
 }
 
-/// What the cases of a pixel, or of several, add up to.
+/// Sums over the cases of one or more pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
     cases: u64,
-    /// Cases and survivors of untilted surfaces.
+    /// Cases and survivors of surfaces that face the rig.
     facing: (u64, u64),
-    /// For orders 1, −1, 2, −2 and so on: present, surviving, sum of |δ| in turns.
+    /// For orders 1, −1, 2, −2 and so on: present, surviving, sum of |δ| in periods.
     orders: Vec<(u64, u64, f64)>,
 }
 
@@ -84,7 +84,7 @@ impl Tally {
     }
 
     fn add_candidate(&mut self, order: i32, abs_delta_turns: f64, threshold_turns: f64) {
-        let (present, surviving, sum) = &mut self.orders[slot(order)];
+        let (present, surviving, sum) = &mut self.orders[order_index(order)];
         *present += 1;
         *surviving += u64::from(abs_delta_turns < threshold_turns);
         *sum += abs_delta_turns;
@@ -101,12 +101,12 @@ impl AddAssign<&Self> for Tally {
     }
 }
 
-/// Place of an order in a tally.
-fn slot(order: i32) -> usize {
+/// Index of an order in a tally.
+fn order_index(order: i32) -> usize {
     2 * (order.unsigned_abs() as usize - 1) + usize::from(order < 0)
 }
 
-/// What is the same for all cases of a rig.
+/// Data shared by all cases of a rig.
 pub(super) struct Cases<'a> {
     setup: &'a RigSetup,
     normals: Vec<Vector3>,
@@ -129,8 +129,8 @@ impl<'a> Cases<'a> {
         }
     }
 
-    /// All cases of one pixel.
-    pub(super) fn of_pixel(&self, segment: &Segment) -> Tally {
+    /// The tally of one pixel.
+    pub(super) fn pixel_tally(&self, segment: &Segment) -> Tally {
         let mut tally = Tally::new(self.max_order);
         for point in DEPTH_SHARES.map(|share| segment.at_share(share)) {
             let Some(phase) = self.setup.lit_phase_turns(&point).filter(|_| self.setup.cam2_sees(&point)) else {
@@ -148,16 +148,16 @@ impl<'a> Cases<'a> {
         tally
     }
 
-    /// One case: the flat `surface` through the true point, whose phase is `phase` turns.
+    /// Adds one case: the flat `surface` through the true point, whose phase is `phase` periods.
     fn add_case(&self, tally: &mut Tally, segment: &Segment, surface: &Surface, phase: f64) {
-        if !surface.shows_one_side_to(&self.eyes) {
+        if !surface.has_all_on_one_side(&self.eyes) {
             return;
         }
         let Some(trace) = Trace::new(self, segment, surface, phase) else { return };
         tally.cases += 1;
         for sense in [1, -1] {
             let mut place_m = 0.0;
-            // Phase and depth are monotone along the trace: past the first candidate that is lost there are no others.
+            // Phase and depth are monotone along the trace: after the first missing candidate there are no others.
             for order in (1..=tally.max_order()).map(|k| sense * k) {
                 let Some((found_m, candidate)) = trace.candidate(self, segment, place_m, f64::from(order)) else {
                     break;
@@ -171,14 +171,14 @@ impl<'a> Cases<'a> {
     }
 }
 
-/// The line in which the epipolar plane of a pixel cuts a surface.
+/// The intersection of a pixel's epipolar plane with a surface.
 struct Trace {
     origin: Point3,
     direction: Vector3,
     phase: f64,
-    /// Metres along the line for a turn of phase, at the true point.
+    /// Metres along the line per period of phase, at the true point.
     metres_per_turn: f64,
-    /// Normal, in the epipolar plane, of C1's ray.
+    /// Normal to C1's ray in the epipolar plane.
     across_ray: Vector3,
 }
 
@@ -198,7 +198,7 @@ impl Trace {
         })
     }
 
-    /// The candidate `order` turns away: its place on the trace, and the point that C1 and C2 would triangulate.
+    /// The candidate `order` periods away: its place on the trace, and the point that C1 and C2 would triangulate.
     fn candidate(&self, cases: &Cases, segment: &Segment, from_m: f64, order: f64) -> Option<(f64, Point3)> {
         let place_m = self.place_of_phase(cases.setup, from_m, self.phase + order)?;
         let on_surface = self.origin + self.direction * place_m;
@@ -207,7 +207,7 @@ impl Trace {
         cases.setup.cam2_sees(&candidate).then_some((place_m, candidate))
     }
 
-    /// Place at which the phase is `target` turns, by the secant method from the last place found.
+    /// Place where the phase is `target` periods, by the secant method starting at `from_m`.
     fn place_of_phase(&self, setup: &RigSetup, from_m: f64, target: f64) -> Option<f64> {
         let error_at = |place_m: f64| Some(setup.phase_turns(&(self.origin + self.direction * place_m))? - target);
         let (mut before_m, mut before) = (from_m, error_at(from_m)?);
@@ -226,7 +226,7 @@ impl Trace {
         None
     }
 
-    /// Where C2's ray through a point of the trace meets C1's ray, if on the segment.
+    /// Intersection of C2's ray through a point of the trace with C1's ray, if it lies on the segment.
     fn on_ray(&self, cases: &Cases, segment: &Segment, on_surface: &Point3) -> Option<Point3> {
         let direction = on_surface - cases.cam2;
         let distance = -self.across_ray.dot(&cases.cam2.coords) / self.across_ray.dot(&direction);
@@ -235,13 +235,13 @@ impl Trace {
     }
 }
 
-/// The comb of all cases of a rig whose projector stands at `place_on_base`.
+/// The comb of all cases of a rig, with the projector at `place_on_base`.
 pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
     let survivors = tally.survivors()?;
     let max_order = tally.max_order();
     let cases = tally.cases as f64;
     let tooth = |order: i32| {
-        let (present, surviving, sum) = tally.orders[slot(order)];
+        let (present, surviving, sum) = tally.orders[order_index(order)];
         Tooth {
             order,
             present_share: present as f64 / cases,

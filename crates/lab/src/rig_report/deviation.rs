@@ -1,9 +1,9 @@
 //! Standard deviation of δ at the true point, from camera noise and calibration error.
 //!
-//! A phase error e1 in C1 and e2 in C2 moves the candidate along the segment until φ2 makes up for e1 − e2. The phase
-//! in the projector moves with it, by the amplification `A = (dΦ_P along the ray of C1) / (dφ2 along the segment)`, so
+//! A phase error e1 in C1 and e2 in C2 moves the candidate along the segment until φ2 compensates e1 − e2. The phase in
+//! the projector moves with it, by the amplification `A = (dΦ_P along the ray of C1) / (dφ2 along the segment)`, so
 //! that `δ = A·(e1 − e2) − e1` and `sd² = ((1 − A)² + A²)·sd(φ)²`. A is the place r of the projector on the base,
-//! but for perspective and tilt. Errors of the calibration are propagated by moving image points a little.
+//! except for perspective and tilt. Calibration errors are propagated by moving image points a little.
 
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -15,31 +15,31 @@ use super::segment::Segment;
 use super::surface::Surface;
 use super::{Assumptions, CalibrationQuality, RigSetup};
 
-/// Relative change of depth over which slopes are taken.
+/// Relative change of depth for the slopes.
 const DEPTH_STEP: f64 = 1e-4;
-/// Least phase slope in C2, turns per relative depth, that still finds a point.
+/// Least phase slope in C2 that determines a point, periods per relative depth.
 const MIN_SLOPE: f64 = 1e-6;
 
 /// Predicted standard deviation of δ, root mean square over the image.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Deviation {
-    /// Standard deviation of a wrapped phase by camera noise, rad.
+    /// Standard deviation of a wrapped phase caused by camera noise, rad.
     pub phase_sd_rad: f64,
     /// Mean amplification A of a phase error in C2; close to the place of the projector on the base.
     pub amplification: f64,
-    /// Share of camera noise in the standard deviation of δ, rad.
+    /// Contribution of camera noise to the standard deviation of δ, rad.
     pub noise_sd_rad: f64,
-    /// Share of the calibration, rad.
+    /// Contribution of the calibration, rad.
     pub calibration_sd_rad: f64,
     /// Standard deviation of δ, rad.
     pub sd_rad: f64,
     /// Threshold for |δ|, 3·sd, rad.
     pub threshold_rad: f64,
-    /// Standard deviation of the depth by camera noise, metres.
+    /// Standard deviation of the depth caused by camera noise, metres.
     pub depth_sd_m: f64,
 }
 
-/// What one pixel contributes.
+/// Contribution of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelDeviation {
     amplification: f64,
@@ -47,7 +47,8 @@ pub(super) struct PixelDeviation {
     depth_sd_m: f64,
 }
 
-/// The deviation at the middle of a segment; `None` where C2 does not see it lit or its phase stands still.
+/// The deviation at the middle of a segment; `None` where C2 does not see it, P does not light it, or the phase in C2
+/// is constant.
 pub(super) fn at(setup: &RigSetup, assumptions: &Assumptions, segment: &Segment) -> Option<PixelDeviation> {
     let point = segment.at_share(0.5);
     if !setup.cam2_sees(&point) {
@@ -62,14 +63,14 @@ pub(super) fn at(setup: &RigSetup, assumptions: &Assumptions, segment: &Segment)
     })
 }
 
-/// Turns of phase per relative change of depth: in the projector for points of C1's ray, and as C2 sees them on the
+/// Periods of phase per relative change of depth: in the projector for points on C1's ray, and as seen by C2 on the
 /// flat surface through `point`.
 fn slopes(setup: &RigSetup, point: &Point3) -> Option<(f64, f64)> {
     let surface = Surface::facing(setup, *point);
     let eye = setup.rig.centre_of_cam2();
     let [near, far] = [-DEPTH_STEP, DEPTH_STEP].map(|change| point * (1.0 + change));
     let along_ray = setup.phase_turns(&far)? - setup.phase_turns(&near)?;
-    let seen = |place: &Point3| setup.phase_turns(&surface.meet(&eye, place)?);
+    let seen = |place: &Point3| setup.phase_turns(&surface.intersection(&eye, place)?);
     let along_segment = seen(&far)? - seen(&near)?;
     let slopes = (along_ray / (2.0 * DEPTH_STEP), along_segment / (2.0 * DEPTH_STEP));
     (slopes.1.abs() > MIN_SLOPE).then_some(slopes)
@@ -95,7 +96,7 @@ fn calibration_sd_rad(setup: &RigSetup, assumptions: &Assumptions, point: &Point
 
 type Vector2Px = nalgebra::Vector2<f64>;
 
-/// Back-projection phase of a correspondence, turns.
+/// Back-projection phase of a correspondence, periods.
 fn back_projected(setup: &RigSetup, in_cam1: &Pixel, in_cam2: &Pixel) -> Option<f64> {
     setup.phase_turns(&triangulate(&setup.rig, in_cam1, in_cam2)?.point_cam1)
 }

@@ -1,4 +1,4 @@
-//! Why there is no report.
+//! Errors of a rig report.
 
 use std::fmt;
 
@@ -23,26 +23,26 @@ impl fmt::Display for Device {
     }
 }
 
-/// Why a rig cannot be reported on.
+/// Why a rig cannot be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RigReportError {
     /// An assumed number is out of range.
     #[error("{name} is {value}; it must be {range}")]
     OutOfRange {
-        /// What the number stands for.
+        /// Name of the number.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Its valid range.
         range: &'static str,
     },
-    /// The cameras stand at one place.
+    /// The cameras are at the same place.
     #[error("cameras 1 and 2 are {base_m:e} m apart: without a base there are no segments; check T2 and the unit")]
     NoBase {
         /// Distance of the centres, metres.
         base_m: f64,
     },
-    /// A device does not see the volume at all.
+    /// A device does not see the volume.
     #[error(
         "{device} never sees the measurement volume, whose centre is at ({x_m:.4}, {y_m:.4}, {z_m:.4}) m in the frame \
          of camera 1; check the volume, its frame and unit, and the pose of {device}"
@@ -57,7 +57,7 @@ pub enum RigReportError {
         /// Its z, metres.
         z_m: f64,
     },
-    /// Each device sees a part, but no part is seen by all.
+    /// Each device sees a part of the volume, but no part is seen by all.
     #[error(
         "no point of the measurement volume is seen by both cameras and the projector (camera 1 sees {cam1:.1} % of \
          it, camera 2 {cam2:.1} %, the projector {projector:.1} %); move the volume to where their views overlap"

@@ -1,4 +1,4 @@
-//! The figures of one rig over a grid of pixels, row by row.
+//! Evaluation of a rig over a grid of pixels, row by row.
 
 use std::f64::consts::PI;
 
@@ -13,10 +13,10 @@ use super::segment::{self, Periods, Segment, SegmentPeriods};
 use super::surface::Surface;
 use super::{Assumptions, RigReportError, RigSetup};
 
-/// Most fringe orders to either side that the comb follows.
+/// Most fringe orders to either side in the comb.
 const MAX_ORDERS: f64 = 40.0;
 
-/// A figure per pixel of the grid, row by row; `None` where there is none.
+/// A value per pixel of the grid, row by row; `None` where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap {
     /// Pixels of the grid in a row.
@@ -27,7 +27,7 @@ pub struct PixelMap {
     pub values: Vec<Option<f64>>,
 }
 
-/// What the method can expect of a rig.
+/// Expected behaviour of the method on a rig.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
     /// Spacing of the grid, pixels of C1.
@@ -48,7 +48,7 @@ pub struct Evaluation {
     pub survivors_map: PixelMap,
 }
 
-/// The figures by which rigs are compared.
+/// The figures for comparing rigs.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Figures {
     /// Mean number of periods on a segment.
@@ -59,7 +59,7 @@ pub struct Figures {
     pub efc: f64,
     /// Surviving wrong candidates per true one on flat surfaces.
     pub survivors: f64,
-    /// Standard deviation of the depth by camera noise, metres.
+    /// Standard deviation of the depth caused by camera noise, metres.
     pub depth_sd_m: f64,
 }
 
@@ -77,7 +77,7 @@ impl Evaluation {
     }
 }
 
-/// What is known of a pixel before the threshold is.
+/// Figures of a pixel that do not depend on the threshold.
 type Basics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
 
 /// Evaluates a rig over every `grid_step_px`-th pixel.
@@ -98,7 +98,7 @@ pub(super) fn evaluate(
     let cases = Cases::new(setup, deviation.threshold_rad, max_order);
     let segments: Vec<Vec<Option<Segment>>> =
         basics.chunks(grid[0].len()).map(|row| row.iter().map(|b| b.0).collect()).collect();
-    let tallies = by_row(&segments, |segment| segment.map(|s| cases.of_pixel(&s)));
+    let tallies = by_row(&segments, |segment| segment.map(|s| cases.pixel_tally(&s)));
     let mut total = Tally::new(max_order);
     tallies.iter().flatten().for_each(|tally| total += tally);
     let comb = comb::summary(&total, setup.rig.projector_place_on_base()).ok_or(nothing)?;
@@ -121,13 +121,13 @@ fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel:
     (Some(segment), periods, deviation::at(setup, assumptions, &segment))
 }
 
-/// Expected false candidates per true one (paper, Eq. 1); 0 where a segment has less than a period.
+/// Expected false candidates per true one (paper, Eq. 1); 0 where a segment has less than one period.
 fn efc(sd_rad: f64, n: f64) -> f64 {
     (3.0 * sd_rad * (n - 1.0) / PI).max(0.0)
 }
 
-/// Maps all cells of a grid, rows in parallel; the order of the results is that of the cells.
-fn by_row<T: Sync, U: Send>(grid: &[Vec<T>], of: impl Fn(&T) -> U + Sync) -> Vec<U> {
-    let rows: Vec<Vec<U>> = grid.par_iter().map(|row| row.iter().map(&of).collect()).collect();
+/// Maps all cells of a grid, rows in parallel; the results are in the order of the cells.
+fn by_row<T: Sync, U: Send>(grid: &[Vec<T>], map: impl Fn(&T) -> U + Sync) -> Vec<U> {
+    let rows: Vec<Vec<U>> = grid.par_iter().map(|row| row.iter().map(&map).collect()).collect();
     rows.into_iter().flatten().collect()
 }

@@ -9,7 +9,7 @@ use fringeflow::geometry::{Pixel, Point3, Vector3};
 use super::segment::{self, Segment};
 use super::{Assumptions, Device, RigReportError, RigSetup};
 
-/// Cells along each axis of the volume whose centres are looked at.
+/// Cells along each axis of the volume; their centres are tested.
 const CELLS: usize = 16;
 
 /// Lengths, angles and resolution at the centre of the volume.
@@ -35,27 +35,27 @@ pub struct Layout {
     pub working_distance_m: f64,
     /// Extent of the volume along its depth axis, metres.
     pub volume_depth_m: f64,
-    /// Width of what a pixel of C1 sees at the centre of the volume, metres.
+    /// Width of a pixel of C1 projected to the centre of the volume, metres.
     pub pixel_footprint_m: f64,
     /// Depth (z of C1) that moves a point by one pixel in C2, metres.
     pub depth_per_pixel_m: f64,
-    /// Depth (z of C1) that moves a point by a rad of the fringes, metres: by so much a rad of δ the depth by both cameras and
-    /// that by C1 and P disagree. Infinite where fringes and depth have nothing to do with each other.
+    /// Depth (z of C1) that moves a point by one rad of the fringes, metres: the disagreement, per rad of δ, between
+    /// the depth from both cameras and that from C1 and P. Infinite where the fringes do not depend on depth.
     pub depth_per_rad_m: f64,
     /// Period of the fringes, projector pixels.
     pub period_px: f64,
-    /// Period of the fringes at the centre of the volume, across the projector's axis, metres.
+    /// Period of the fringes at the centre of the volume, perpendicular to the projector's axis, metres.
     pub period_m: f64,
-    /// Standard deviation of a wrapped phase by camera noise, rad.
+    /// Standard deviation of a wrapped phase caused by camera noise, rad.
     pub phase_sd_rad: f64,
 }
 
-/// What can be measured of image and volume, as shares from 0 to 1.
+/// Measurable parts of image and volume, as shares from 0 to 1.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Coverage {
-    /// Of C1's image: the volume leaves a segment.
+    /// Of C1's image: pixels with a segment in the volume.
     pub image_with_segment: f64,
-    /// Of C1's image: the middle of the segment is seen by C2 and lit.
+    /// Of C1's image: pixels whose segment has a lit middle that C2 sees.
     pub image_measurable: f64,
     /// Of the volume: seen by C1.
     pub volume_seen_by_cam1: f64,
@@ -94,18 +94,18 @@ pub(super) fn layout(setup: &RigSetup, assumptions: &Assumptions) -> Layout {
     }
 }
 
-/// Depth that moves the image of a point of C1's ray by one pixel in C2: `z² / (f·b)` on a rectified rig.
+/// Depth that moves the image of a point on C1's ray by one pixel in C2: `z² / (f·b)` on a rectified rig.
 fn depth_per_pixel_m(setup: &RigSetup, point: &Point3) -> f64 {
     let in_cam2 = setup.rig.cam2_from_cam1 * point;
     let moved: Vector3 = setup.rig.cam2_from_cam1.rotation * point.coords / point.z;
-    // Derivative of (x/z, y/z) in C2 by the depth in C1.
-    let of = |i: usize| (moved[i] - in_cam2[i] / in_cam2.z * moved.z) / in_cam2.z * setup.rig.cam2.focal_px()[i];
-    1.0 / of(0).hypot(of(1))
+    // Derivative of (x/z, y/z) in C2 with respect to the depth in C1.
+    let along = |i: usize| (moved[i] - in_cam2[i] / in_cam2.z * moved.z) / in_cam2.z * setup.rig.cam2.focal_px()[i];
+    1.0 / along(0).hypot(along(1))
 }
 
-/// Depth that moves a point of C1's ray by a rad of the fringes.
+/// Depth that moves a point on C1's ray by one rad of the fringes.
 fn depth_per_rad_m(setup: &RigSetup, point: &Point3) -> f64 {
-    /// To either side, as a share of the distance.
+    /// Change to either side, as a share of the distance.
     const STEP: f64 = 1e-3;
     let turns = |share: f64| {
         let pixel = setup.rig.project_projector(&Point3::from(point.coords * share))?;

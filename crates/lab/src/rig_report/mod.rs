@@ -1,13 +1,13 @@
-//! The report on a rig: what the method can be expected to do with it, before anything is built or measured.
+//! The report on a rig: what the method can be expected to achieve with it, before anything is built or measured.
 //!
-//! In: a calibrated [`Rig`](fringeflow::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and what is
-//! assumed of noise and calibration ([`Assumptions`]). Out: a [`RigReport`] with lengths and angles, coverage, the
-//! number n of fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
-//! back-projection test on flat surfaces, and what changes of the rig would do to all of these.
+//! In: a calibrated [`Rig`](fringeflow::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and
+//! [`Assumptions`] on noise and calibration. Out: a [`RigReport`] with lengths and angles, coverage, the number n of
+//! fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
+//! back-projection test on flat surfaces, and the effect of changes of the rig on all of these.
 //!
 //! Nothing is approximated: every figure comes from intersecting rays of the calibrated cameras with planes in the
-//! volume, over a grid of pixels of C1. Cost: about a second for a report. Without an object the surface has to be
-//! supposed: n and sd use a plane across the mean viewing direction, the surviving orders use tilted ones too.
+//! volume, over a grid of pixels of C1. A report costs about a second. Without an object, the surface is assumed: n and
+//! sd use a plane perpendicular to the mean viewing direction, the surviving orders use tilted planes as well.
 
 mod advice;
 mod assumptions;
@@ -34,20 +34,20 @@ pub use layout::{Coverage, Layout};
 pub use segment::Periods;
 pub use setup::RigSetup;
 
-/// Everything the report says.
+/// The whole report.
 #[derive(Clone, Debug, Serialize)]
 pub struct RigReport {
     /// Lengths, angles and resolution.
     pub layout: Layout,
-    /// What of image and volume can be measured.
+    /// Measurable parts of image and volume.
     pub coverage: Coverage,
-    /// What is assumed of noise and calibration.
+    /// Assumptions on noise and calibration.
     pub assumptions: Assumptions,
     /// Periods, sd, efc and surviving orders.
     pub evaluation: Evaluation,
     /// The figures on the coarser grid of the advice, for comparison with it.
     pub advice_base: Figures,
-    /// What changes of the rig would do.
+    /// Effects of changes of the rig.
     pub advice: Vec<Advice>,
 }
 

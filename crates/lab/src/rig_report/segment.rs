@@ -7,10 +7,10 @@ use fringeflow::geometry::{Camera, Pixel, Point3, Vector3};
 use super::RigSetup;
 use super::surface::Surface;
 
-/// Parts into which a segment is cut, to find those that C2 sees lit.
+/// Parts of a segment that are tested for visibility and light.
 const PARTS: usize = 48;
 
-/// Least ratio of the near to the far depth: a volume around the camera itself has no near end.
+/// Least ratio of the near to the far depth: a volume around the camera has no near end.
 const NEAREST: f64 = 1e-3;
 
 /// The part of a pixel's ray inside the measurement volume.
@@ -25,14 +25,14 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// The segment of a pixel of C1, where the volume leaves one.
+    /// The segment of a pixel of C1; `None` where its ray misses the volume.
     pub(super) fn new(setup: &RigSetup, pixel: &Pixel) -> Option<Self> {
         let ray = setup.rig.cam1.ray(pixel)?;
         let (near_m, far_m) = setup.volume.clip(&ray)?;
         Some(Self { ray, near_m: near_m.max(NEAREST * far_m), far_m })
     }
 
-    /// Point at a share (0 to 1) of the way from near to far.
+    /// Point at a share (0 to 1) of the depth range from near to far.
     pub(super) fn at_share(&self, share: f64) -> Point3 {
         self.at_depth(self.near_m + share * (self.far_m - self.near_m))
     }
@@ -41,8 +41,8 @@ impl Segment {
         Point3::from(self.ray * depth_m)
     }
 
-    /// Places along the segment, from near to far in equal ratios of depth, so that deep volumes are as finely cut near
-    /// the camera as far from it.
+    /// Places along the segment, from near to far in equal ratios of depth, so that deep volumes are sampled as finely
+    /// near the camera as far away.
     fn places(&self) -> impl Iterator<Item = Point3> + '_ {
         let ratio = self.far_m / self.near_m;
         (0..=PARTS).map(move |i| self.at_depth(self.near_m * ratio.powf(i as f64 / PARTS as f64)))
@@ -85,7 +85,7 @@ pub(super) fn grid(camera: &Camera, step_px: usize) -> Vec<Vec<Pixel>> {
 pub(super) fn periods(setup: &RigSetup, segment: &Segment, surface: &Surface) -> Option<SegmentPeriods> {
     let eye = setup.rig.centre_of_cam2();
     let phase_seen = |place: Point3| {
-        let on_surface = setup.cam2_sees(&place).then(|| surface.meet(&eye, &place))??;
+        let on_surface = setup.cam2_sees(&place).then(|| surface.intersection(&eye, &place))??;
         setup.lit_phase_turns(&on_surface)
     };
     let phases: Vec<Option<f64>> = segment.places().map(phase_seen).collect();
@@ -96,7 +96,7 @@ pub(super) fn periods(setup: &RigSetup, segment: &Segment, surface: &Surface) ->
     (seen > 0.0).then_some(SegmentPeriods { seen, spanned })
 }
 
-/// The figures of all segments that have any.
+/// Summary of all segments that have periods.
 pub(super) fn summary(all: &[SegmentPeriods]) -> Option<Periods> {
     let count = all.len() as f64;
     (!all.is_empty()).then(|| Periods {

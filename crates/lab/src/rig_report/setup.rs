@@ -1,4 +1,4 @@
-//! What is reported on: rig, volume and pattern, and the changes of them that the advice tries.
+//! Rig, volume and pattern, and the changes of them that the advice tries.
 
 use nalgebra::UnitQuaternion;
 
@@ -6,7 +6,7 @@ use fringeflow::geometry::{FringePattern, MeasurementVolume, Pixel, Point3, Pose
 
 use super::RigReportError;
 
-/// Shortest base that is believed, metres.
+/// Shortest plausible base, metres.
 const MIN_BASE_M: f64 = 1e-6;
 
 /// A rig with its measurement volume and fringe pattern.
@@ -14,7 +14,7 @@ const MIN_BASE_M: f64 = 1e-6;
 pub struct RigSetup {
     /// Cameras and projector.
     pub rig: Rig,
-    /// Where objects are measured.
+    /// The measurement volume.
     pub volume: MeasurementVolume,
     /// The fringes.
     pub pattern: FringePattern,
@@ -39,7 +39,7 @@ impl RigSetup {
         self.volume.cam1_from_volume() * nalgebra::center(self.volume.min(), self.volume.max())
     }
 
-    /// Mean direction in which C1, C2 and P look at the centre of the volume, frame of C1, length 1.
+    /// Mean viewing direction of C1, C2 and P to the centre of the volume, frame of C1, length 1.
     pub(super) fn viewing_direction(&self) -> Vector3 {
         let centre = self.centre_cam1();
         let eyes = [Point3::origin(), self.rig.centre_of_cam2(), self.rig.centre_of_projector()];
@@ -47,30 +47,31 @@ impl RigSetup {
         sum.try_normalize(1e-9).unwrap_or_else(Vector3::z)
     }
 
-    /// Whether C2 has a point on its sensor.
+    /// Whether C2 sees a point on its sensor.
     pub(super) fn cam2_sees(&self, point_cam1: &Point3) -> bool {
         self.rig.project_cam2(point_cam1).is_some_and(|pixel| self.rig.cam2.sees(&pixel))
     }
 
-    /// Absolute phase at a point, turns; `None` behind the projector.
+    /// Absolute phase at a point, periods; `None` behind the projector.
     pub(super) fn phase_turns(&self, point_cam1: &Point3) -> Option<f64> {
         self.rig.project_projector(point_cam1).map(|pixel: Pixel| self.pattern.phase_turns(pixel.x))
     }
 
-    /// Absolute phase at a point, turns; `None` where the projector does not light it.
+    /// Absolute phase at a point, periods; `None` where the projector does not light it.
     pub(super) fn lit_phase_turns(&self, point_cam1: &Point3) -> Option<f64> {
         let pixel = self.rig.project_projector(point_cam1)?;
         self.rig.projector.sees(&pixel).then(|| self.pattern.phase_turns(pixel.x))
     }
 
-    /// The projector moved along the base to place `r` (0 at C1, 1 at C2), turned to aim at the volume as before.
+    /// Moves the projector along the base to place `r` (0 at C1, 1 at C2), and rotates it to aim at the volume as
+    /// before.
     #[must_use]
     pub fn with_projector_place(&self, r: f64) -> Self {
         let base = self.rig.centre_of_cam2().coords;
         let before = self.rig.centre_of_projector();
         let after = before + base * (r - self.rig.projector_place_on_base());
         let centre = self.centre_cam1();
-        // None only for opposite directions, which no move along a base in front of a volume brings about.
+        // `None` only for opposite directions, which no move along a base in front of a volume causes.
         let turn = UnitQuaternion::rotation_between(&(centre - after), &(centre - before)).unwrap_or_default();
         let rotation = self.rig.projector_from_cam1.rotation * turn;
         let mut changed = self.clone();
@@ -78,7 +79,7 @@ impl RigSetup {
         changed
     }
 
-    /// The period made `factor` times as long.
+    /// Multiplies the period by `factor`.
     #[must_use]
     pub fn with_period_scaled(&self, factor: f64) -> Self {
         let mut changed = self.clone();
@@ -86,7 +87,7 @@ impl RigSetup {
         changed
     }
 
-    /// Axis of the volume (0 to 2, own frame) that runs closest to the viewing direction: its depth.
+    /// Axis of the volume (0 to 2, own frame) closest to the viewing direction: its depth axis.
     #[must_use]
     pub fn depth_axis(&self) -> usize {
         let view = self.volume.cam1_from_volume().rotation.inverse() * self.viewing_direction();
@@ -100,10 +101,10 @@ impl RigSetup {
         self.volume.max()[axis] - self.volume.min()[axis]
     }
 
-    /// The volume made `factor` times as deep about its centre.
+    /// Multiplies the depth of the volume by `factor`, about its centre.
     ///
     /// # Errors
-    /// A factor that leaves no volume.
+    /// The factor leaves no volume.
     pub fn with_depth_scaled(&self, factor: f64) -> Result<Self, VolumeError> {
         let axis = self.depth_axis();
         let (mut min, mut max) = (*self.volume.min(), *self.volume.max());

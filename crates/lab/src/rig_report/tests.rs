@@ -1,4 +1,4 @@
-//! The report against a rectified rig, where every figure has a closed form.
+//! The report on a rectified rig, where every figure has a closed form.
 //!
 //! With a = x/z and w = 1/z, C1 sees a point at f·a, C2 at f·(a − b·w), P at f·(a − r·b·w), each plus its principal
 //! point. A plane is w = w0 + g·(a − a0), and δ of the candidate k orders away is 2π·k·r·(1 − b·g)/(1 − r·b·g).
@@ -16,7 +16,7 @@ const DEPTHS_M: [f64; 2] = [3.0, 7.0];
 const PERIOD_PX: f64 = 2.5;
 const GRID_PX: usize = 64;
 
-/// Centres on a line, axes parallel, principal points shifted so that all look at the middle of the volume.
+/// Centres on a line, axes parallel, principal points shifted so that all devices look at the middle of the volume.
 fn rectified(r: f64) -> RigSetup {
     let device = |place: f64, width: usize| {
         let shift = FOCAL_PX * place * BASE_M / 5.0;
@@ -51,7 +51,7 @@ fn assert_close(value: f64, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn periods_and_orders_of_a_rectified_rig_are_those_of_the_formula() {
+fn periods_and_orders_of_a_rectified_rig_match_the_formula() {
     let r = 0.3;
     let evaluation = evaluate(&rectified(r), &exact_sd(), GRID_PX).unwrap();
     let n = FOCAL_PX * BASE_M * (1.0 / DEPTHS_M[0] - 1.0 / DEPTHS_M[1]) / PERIOD_PX;
@@ -63,7 +63,7 @@ fn periods_and_orders_of_a_rectified_rig_are_those_of_the_formula() {
 }
 
 #[test]
-fn noise_and_calibration_propagate_as_in_the_formula() {
+fn noise_and_calibration_errors_propagate_as_in_the_formula() {
     let r = 0.38;
     let assumptions = Assumptions {
         steps: 8,
@@ -123,7 +123,7 @@ fn deeper_volumes_have_more_periods_and_longer_periods_fewer() {
 }
 
 #[test]
-fn a_moved_projector_stands_at_its_place_and_aims_as_before() {
+fn a_moved_projector_is_at_its_place_and_aims_as_before() {
     let setup = rectified(0.5);
     let moved = setup.with_projector_place(0.2);
     assert!((moved.rig.projector_place_on_base() - 0.2).abs() < 1e-9);
@@ -155,7 +155,7 @@ fn lengths_angles_and_coverage_are_those_of_the_rig() {
     assert_close(layout.volume_depth_m, 4.0, 1e-9);
     assert_close(layout.pixel_footprint_m, 5.0 / FOCAL_PX, 1e-9);
     assert_close(layout.depth_per_pixel_m, 25.0 / (FOCAL_PX * BASE_M), 1e-9);
-    // Half the base, and a period a turn.
+    // Half the base, and 2π per period.
     assert_close(layout.depth_per_rad_m, layout.depth_per_pixel_m * 2.0 * layout.period_px / TAU, 1e-5);
     assert_eq!(report.coverage.image_with_segment, 1.0);
     assert_eq!(report.coverage.image_measurable, 1.0);
@@ -211,10 +211,10 @@ fn a_volume_around_the_camera_gives_finite_figures() {
 
 #[test]
 fn the_report_does_not_depend_on_the_number_of_threads() {
-    let of = |threads: usize| {
+    let with_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let report = pool.install(|| report(&rectified(0.45), &Assumptions::default(), GRID_PX)).unwrap();
         serde_json::to_string(&report).unwrap()
     };
-    assert_eq!(of(1), of(3));
+    assert_eq!(with_threads(1), with_threads(3));
 }

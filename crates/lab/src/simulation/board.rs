@@ -1,7 +1,7 @@
-//! Boards: what an object lies on, or what stands beyond or before the measurement volume.
+//! Boards: what an object lies on, or a plane behind or in front of the measurement volume.
 //!
-//! In: a [`Board`]. Out: its plane in the frame of the object, the places where rays meet it and how bright it is. Lengths in
-//! millimetres. A board apart from the volume is lit and seen, and no point of it is ever in the volume.
+//! In: a [`Board`]. Out: its plane in the frame of the object, its intersections with rays, and its brightness. Lengths
+//! in millimetres. A board apart from the volume is lit and seen, but none of its points is ever in the volume.
 
 use std::str::FromStr;
 
@@ -15,25 +15,25 @@ use super::{SimulationError, check_range};
 /// The board of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Board {
-    /// Nothing: rays that miss the object meet nothing.
+    /// No board: rays that miss the object hit nothing.
     None,
-    /// Under the object, the plane z = 0 of its frame; matt black, too dark to be measured.
+    /// Under the object, the plane z = 0 of its frame; matt black, too dark to measure.
     Dark,
-    /// Under the object; grey, measured like it.
+    /// Under the object; grey, measured like the object.
     Visible,
-    /// Apart from the measurement volume: lit and seen, never to be measured.
+    /// Apart from the measurement volume: lit and seen, never measured.
     Apart(BoardApart),
 }
 
-/// A board before or behind the measurement volume.
+/// A board in front of or behind the measurement volume.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct BoardApart {
-    /// Gap between the volume and the nearest place of the board, millimetres: beyond the far face of the volume, or, below
-    /// zero, before its near face. A board before the volume covers no more than its right part.
+    /// Gap between the volume and the nearest point of the board, millimetres: behind the far face of the volume, or
+    /// for negative values in front of its near face. A board in front covers only the right part of the volume.
     pub distance_mm: f64,
-    /// Share of the light that it scatters: 0.05 is black paper, 0.8 white paint, more than 1 reflective film.
+    /// Albedo: 0.05 is black paper, 0.8 white paint, more than 1 reflective film.
     pub albedo: f64,
-    /// Turn about the vertical axis, degrees: the right border is farther for more than 0, the left one for less.
+    /// Rotation about the vertical axis, degrees: above 0 the right border is farther away, below 0 the left one.
     pub tilt_deg: f64,
 }
 
@@ -42,9 +42,9 @@ const MIN_GAP_MM: f64 = 0.1;
 const MAX_GAP_MM: f64 = 1e5;
 const MAX_ALBEDO: f64 = 2.0;
 const MAX_TILT_DEG: f64 = 80.0;
-/// Where a board before the volume begins, right of the middle, millimetres.
+/// Left border of a board in front of the volume, right of the middle, millimetres.
 const EDGE_X_MM: f64 = 10.0;
-/// Albedo of a grey board, and how much it varies from place to place.
+/// Albedo of a grey board, and its variation from place to place.
 const GREY_ALBEDO: f64 = 0.62;
 const GREY_RIPPLE: f64 = 0.02;
 const DARK_ALBEDO: f64 = 0.03;
@@ -53,7 +53,7 @@ impl Board {
     /// A grey board 15 mm behind the measurement volume.
     pub const BEHIND: Self = Self::Apart(BoardApart { distance_mm: 15.0, albedo: GREY_ALBEDO, tilt_deg: 0.0 });
 
-    /// Whether it has a range of its own, checked.
+    /// Checks the ranges of a board apart from the volume.
     pub(super) fn check(self) -> Result<(), SimulationError> {
         let Self::Apart(BoardApart { distance_mm, albedo, tilt_deg }) = self else { return Ok(()) };
         check_range("the board's distance", distance_mm, -MAX_GAP_MM, MAX_GAP_MM, "mm")?;
@@ -88,13 +88,13 @@ impl FromStr for Board {
 pub(super) struct BoardPlane {
     place: PointMm,
     pub(super) normal: PointMm,
-    /// Left border; `None` for a board without end.
+    /// Left border; `None` for an infinite board.
     edge_x_mm: Option<f64>,
     albedo: f64,
     ripple: f64,
     /// Whether it is apart from the volume.
     pub(super) apart: bool,
-    /// Whether it is bright enough to be measured where it is in the volume.
+    /// Whether it is bright enough to be measured inside the volume.
     pub(super) bright: bool,
 }
 
@@ -122,8 +122,8 @@ impl BoardPlane {
         let (is_behind, gap_m) = (board.distance_mm > 0.0, board.distance_mm / MM_PER_M);
         let face_z = if is_behind { volume.max().z } else { volume.min().z };
         let left = if is_behind { volume.min().x } else { EDGE_X_MM / MM_PER_M };
-        // The border of the board that is nearest to the volume keeps the gap: behind the volume that is the near one, before
-        // it the far one.
+        // The border of the board nearest to the volume keeps the gap: behind the volume that is the nearer border, in
+        // front of it the farther one.
         let x = if (board.tilt_deg > 0.0) == is_behind { left } else { volume.max().x };
         let to_object = |point| volume_from_object.inverse_transform_point(&point).coords * MM_PER_M;
         let (sin, cos) = board.tilt_deg.to_radians().sin_cos();
@@ -138,24 +138,24 @@ impl BoardPlane {
         }
     }
 
-    /// Distance along a ray to the place where it meets the front of the board.
+    /// Distance along a ray to its intersection with the front of the board.
     pub(super) fn distance(&self, ray: &Ray) -> Option<f64> {
         let steepness = ray.direction.dot(&self.normal);
         let distance = -self.height(&ray.origin) / steepness;
         (steepness < 0.0 && distance > 0.0 && self.reaches(&ray.at(distance))).then_some(distance)
     }
 
-    /// Whether the board stands between a place in sight and a device.
+    /// Whether the board hides a visible place from a device.
     pub(super) fn hides(&self, place: &PointMm, device: &PointMm) -> bool {
         let (from, to) = (self.height(place), self.height(device));
         match self.edge_x_mm {
-            // All there is to see lies before a board without end.
+            // All visible places lie in front of an infinite board.
             None => to <= 0.0,
             Some(_) => (from > 0.0) != (to > 0.0) && self.reaches(&(place + (device - place) * (from / (from - to)))),
         }
     }
 
-    /// How far a place is before the board, millimetres.
+    /// Distance of a place in front of the board, millimetres.
     pub(super) fn height(&self, place: &PointMm) -> f64 {
         (place - self.place).dot(&self.normal)
     }
@@ -164,7 +164,7 @@ impl BoardPlane {
         self.edge_x_mm.is_none_or(|edge| place.x >= edge)
     }
 
-    /// Share of the light that a place scatters which deviates by `wave` (in -2 to 2) from the mean.
+    /// Albedo of a place whose brightness deviates from the mean by `wave` (−2 to 2).
     pub(super) fn albedo(&self, wave: f64) -> f64 {
         self.albedo + self.ripple * wave
     }
@@ -178,7 +178,7 @@ mod tests {
 
     const TILTS_DEG: [f64; 5] = [-60.0, -20.0, 0.0, 20.0, 60.0];
 
-    /// Corners of the volume, and of the board before it or behind it, kept `gap` apart.
+    /// Heights above the board of the two corners of the volume that face it.
     fn heights_of_corners(distance_mm: f64, tilt_deg: f64) -> Vec<f64> {
         let rig = VirtualRig::new(&RigOptions::usual(0.025)).unwrap();
         let (volume, pose) = (&rig.exact_volume, volume_from_object(Object::Plane));
@@ -187,12 +187,12 @@ mod tests {
         let left = if distance_mm > 0.0 { volume.min().x } else { EDGE_X_MM / MM_PER_M };
         let z = if distance_mm > 0.0 { volume.max().z } else { volume.min().z };
         let corner = |x| pose.inverse_transform_point(&Point3::new(x, 0.0, z)).coords * MM_PER_M;
-        // The gap is along the axis of the volume, not along the normal of the board.
+        // The gap is measured along the axis of the volume, not along the normal of the board.
         [left, volume.max().x].map(|x| plane.height(&corner(x)) / plane.normal.z).to_vec()
     }
 
     #[test]
-    fn the_nearest_place_of_a_board_keeps_the_gap_at_any_tilt() {
+    fn the_nearest_point_of_a_board_keeps_the_gap_at_any_tilt() {
         for tilt_deg in TILTS_DEG {
             for distance_mm in [0.5, 15.0, 1000.0, -0.5, -30.0] {
                 let heights = heights_of_corners(distance_mm, tilt_deg);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_board_that_cannot_be_is_refused_with_its_value() {
+    fn an_invalid_board_is_refused_with_its_value() {
         let apart = BoardApart { distance_mm: 85.0, albedo: 0.3, tilt_deg: 20.0 };
         let refused = |board| Board::Apart(board).check().unwrap_err().to_string();
         assert!(Board::Apart(apart).check().is_ok());

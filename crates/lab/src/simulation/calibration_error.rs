@@ -1,8 +1,8 @@
-//! The error of a calibration: C2 and P as a real calibration would get them, a little off.
+//! The error of a calibration: C2 and P as a real calibration would determine them, with a small error.
 //!
-//! In: the exact rig, its volume, the spread of δ that the error shall cause and how much of it the lenses make. Out: the erroneous rig, the pose of
-//! the volume among points triangulated with it, and what the error amounts to. δ of true correspondences is then a
-//! smooth field over image and depth, as in a real sensor, and not white noise.
+//! In: the exact rig, its volume, the sd of δ that the error should cause, and the contribution of the lenses. Out: the
+//! erroneous rig, the pose of the volume relative to points triangulated with it, and the size of the error. δ of true
+//! correspondences is then a smooth field over image and depth, as in a real sensor, and not white noise.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +17,7 @@ use super::alignment::align;
 use super::rig::RigOptions;
 use super::sensor::standard_normal;
 
-/// What a calibration error amounts to over the measurement volume.
+/// Size of a calibration error over the measurement volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct CalibrationDeviation {
     /// Root mean square of δ of true correspondences, rad.
@@ -30,32 +30,33 @@ pub struct CalibrationDeviation {
     pub epi_max: f64,
 }
 
-/// A calibration as drawn.
-pub(super) struct Drawn {
+/// A randomly drawn calibration.
+pub(super) struct DrawnCalibration {
     pub(super) rig: Rig,
     pub(super) cam1_from_volume: Pose,
     pub(super) deviation: CalibrationDeviation,
 }
 
-/// Root mean square epipolar error that the error of C2 is scaled down to, pixels.
+/// Limit of the root mean square epipolar error caused by C2, pixels.
 const MAX_EPIPOLAR_RMS_PX: f64 = 0.07;
-/// Largest share of the variance of δ that C2 may cause; the rest is the projector's.
+/// Largest share of the variance of δ that C2 may cause; the projector causes the rest.
 const CAM2_SHARE: f64 = 0.4;
-/// Draws of the projector's error among which one must reach the wanted spread.
+/// Draws of the projector's error; one of them must reach the wanted sd.
 const MAX_DRAWS: usize = 20;
-/// Secant steps towards the wanted spread.
+/// Bisection steps towards the wanted sd.
 const MAX_STEPS: usize = 40;
 
-/// Numbers that the error of one device is made from.
+/// Random numbers for the error of one device.
 #[derive(Clone, Copy)]
 struct Draw {
-    /// Focal length, principal point, k1, rotation and place: standard normal.
+    /// Focal length, principal point, k1, rotation and position: standard normal.
     device: [f64; 10],
-    /// k2, p1 and p2: normal, as large as the lens error says.
+    /// k2, p1 and p2: normal, scaled by the lens error.
     lens: [f64; 3],
 }
 
-/// Where draws come from: one generator for the device, so that another lens error leaves its numbers, and one for the lens.
+/// Generators of the draws. The lens has its own, so that another lens error leaves the numbers of the device
+/// unchanged.
 struct Draws {
     device: ChaCha8Rng,
     lens: ChaCha8Rng,
@@ -79,8 +80,8 @@ impl Draws {
 }
 
 impl Draw {
-    /// A device off by this draw: intrinsic parameters, distortion, rotation and place. At scale 1 each of them moves
-    /// the image by about a pixel.
+    /// Applies this draw to a device: intrinsic parameters, distortion, rotation and position. At scale 1, each of them
+    /// moves the image by about a pixel.
     fn apply(&self, scale: f64, camera: &Camera, pose: &Pose) -> (Camera, Pose) {
         let [f, cx, cy, k1, rx, ry, rz, tx, ty, tz] = self.device.map(|n| n * scale);
         let [k2, p1, p2] = self.lens.map(|n| n * scale);
@@ -96,7 +97,7 @@ impl Draw {
         let size = [camera.width_px(), camera.height_px()];
         let changed =
             Camera::new([fx * growth, fy * growth], [px + cx, py + cy], distortion, size).with_skew(camera.skew_px());
-        // The turn takes back most of what the moved principal point does, as in a calibration that fits its images.
+        // The rotation compensates most of the shift of the principal point, as in a calibration that fits its images.
         let turn = Vector3::new((cy + 0.3 * rx) / focal, (-cx + 0.3 * ry) / focal, rz / radius_px);
         let distance = pose.translation.vector.norm();
         let shift = Vector3::new(tx, ty, tz) * (0.3 * distance / focal);
@@ -105,19 +106,20 @@ impl Draw {
     }
 }
 
-/// Draws a calibration of `exact` whose δ has the root mean square that the options name over `volume`.
+/// Draws a calibration of `exact` whose δ over `volume` has the root mean square of the options.
 pub(super) fn draw(
     exact: &Rig,
     volume: &MeasurementVolume,
     pattern: &FringePattern,
     options: &RigOptions,
-) -> Result<Drawn, SimulationError> {
+) -> Result<DrawnCalibration, SimulationError> {
     let sd_rad = options.sd_rad;
     let mut draws = Draws::new(options.seed, options.lens_error);
     let probe = Probe::new(exact, volume, pattern);
     if sd_rad == 0.0 {
         let deviation = CalibrationDeviation::default();
-        return Ok(Drawn { rig: exact.clone(), cam1_from_volume: *volume.cam1_from_volume(), deviation });
+        let cam1_from_volume = *volume.cam1_from_volume();
+        return Ok(DrawnCalibration { rig: exact.clone(), cam1_from_volume, deviation });
     }
     let cam2 = draws.next();
     let base = probe.with_cam2_error(&cam2, sd_rad);
@@ -126,18 +128,18 @@ pub(super) fn draw(
         if let Some(rig) = probe.with_projector_error(&base, &projector, sd_rad) {
             let deviation = probe.deviation(&rig).ok_or(SimulationError::NoCalibration { sd_rad })?;
             let pairs = probe.triangulated(&rig);
-            let calibrated_from_exact = align(&pairs);
-            return Ok(Drawn { cam1_from_volume: calibrated_from_exact * volume.cam1_from_volume(), rig, deviation });
+            let cam1_from_volume = align(&pairs) * volume.cam1_from_volume();
+            return Ok(DrawnCalibration { cam1_from_volume, rig, deviation });
         }
     }
     Err(SimulationError::NoCalibration { sd_rad })
 }
 
-/// True correspondences over the volume, on which a calibration is judged.
+/// True correspondences over the volume, for evaluating a calibration.
 struct Probe<'a> {
     exact: &'a Rig,
     pattern: &'a FringePattern,
-    /// Points in the frame of the exact C1, metres, and where C1, C2 and P have them.
+    /// Points in the frame of the exact C1, metres, and their images in C1, C2 and P.
     points: Vec<(Point3, Pixel, Pixel, Pixel)>,
 }
 
@@ -159,16 +161,16 @@ impl<'a> Probe<'a> {
         Self { exact, pattern, points }
     }
 
-    /// C2 off by a draw, scaled down until its epipolar error and its part of δ are small enough.
+    /// C2 with the error of a draw, scaled down until its epipolar error and its contribution to δ are small enough.
     fn with_cam2_error(&self, draw: &Draw, sd_rad: f64) -> Rig {
         let mut scale = 1.0;
         for _ in 0..MAX_STEPS {
             let (cam2, cam2_from_cam1) = draw.apply(scale, &self.exact.cam2, &self.exact.cam2_from_cam1);
             let rig = self.centred(Rig { cam2, cam2_from_cam1, ..self.exact.clone() });
-            let judged = self
+            let excess = self
                 .deviation(&rig)
                 .map(|d| (d.epi_rms / MAX_EPIPOLAR_RMS_PX).max(d.delta_rms / (sd_rad * CAM2_SHARE.sqrt()).max(1e-12)));
-            match judged {
+            match excess {
                 Some(excess) if excess <= 1.0 => return rig,
                 Some(excess) => scale *= 0.98 / excess.max(1.02),
                 None => scale *= 0.5,
@@ -177,8 +179,8 @@ impl<'a> Probe<'a> {
         self.exact.clone()
     }
 
-    /// The projector off by a draw as well, scaled so that δ has its wanted root mean square; `None` where no scale
-    /// reaches it.
+    /// The projector with the error of a draw as well, scaled so that δ has the wanted root mean square; `None` where
+    /// no scale reaches it.
     fn with_projector_error(&self, base: &Rig, draw: &Draw, sd_rad: f64) -> Option<Rig> {
         let at = |scale: f64| {
             let (projector, projector_from_cam1) = draw.apply(scale, &base.projector, &base.projector_from_cam1);
@@ -198,8 +200,8 @@ impl<'a> Probe<'a> {
         Some(at(0.5 * (low + high)))
     }
 
-    /// The rig with the projector's principal point moved so that δ has no mean: every calibration that fits its own
-    /// images gets that right.
+    /// Shifts the projector's principal point so that δ has mean zero: every calibration that fits its own images
+    /// determines it that well.
     fn centred(&self, rig: Rig) -> Rig {
         let Some(deviation) = self.deviation(&rig) else { return rig };
         let [px, py] = rig.projector.principal_px();
@@ -210,13 +212,13 @@ impl<'a> Probe<'a> {
         Rig { projector, ..rig }
     }
 
-    /// What the error of a calibration amounts to; `None` where a point cannot be triangulated or projected with it.
+    /// Size of the error of a calibration; `None` where a point cannot be triangulated or projected with it.
     fn deviation(&self, rig: &Rig) -> Option<CalibrationDeviation> {
         let (mut delta_sum, mut delta_squares, mut epi_squares, mut epi_max) = (0.0, 0.0, 0.0, 0.0_f64);
         for (_, p, q, lit) in &self.points {
             let point = on_ray_of_cam1(rig, p, q)?;
             let delta = TAU * (rig.project_projector(&point)?.x - lit.x) / self.pattern.period_px;
-            // The nearest point of the epipolar line is, to first order, the image of the nearest point of the ray.
+            // To first order, the nearest point of the epipolar line is the image of the nearest point of the ray.
             let epi = (rig.project_cam2(&point)? - q).norm();
             delta_sum += delta;
             delta_squares += delta * delta;
@@ -232,7 +234,7 @@ impl<'a> Probe<'a> {
         })
     }
 
-    /// Exact points beside the points that a calibration makes of their images.
+    /// Pairs of exact points and the points that a calibration triangulates from their images.
     fn triangulated(&self, rig: &Rig) -> Vec<(Point3, Point3)> {
         self.points.iter().filter_map(|(exact, p, q, _)| Some((*exact, on_ray_of_cam1(rig, p, q)?))).collect()
     }

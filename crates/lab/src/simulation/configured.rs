@@ -1,4 +1,4 @@
-//! The virtual scanner that a configuration describes.
+//! The virtual scanner of a configuration.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -13,19 +13,19 @@ use super::{
     FaultOptions, Faults, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner, VirtualScannerOptions,
 };
 
-/// What `[virtual_scanner]` of a configuration says, checked.
+/// The table `[virtual_scanner]` of a configuration, checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConfiguredScanner {
     /// The scanner and its sweep.
     pub scanner: VirtualScannerOptions,
-    /// What goes wrong on purpose.
+    /// Faults to inject.
     pub faults: FaultOptions,
-    /// File that keeps its images from one start to the next.
+    /// File that keeps its images between runs.
     pub cache: Option<PathBuf>,
 }
 
 impl ConfiguredScanner {
-    /// Checks the words and the faults of a configuration; ranges are checked where the scanner is built.
+    /// Checks the words and the faults of a configuration; ranges are checked when the scanner is built.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names the key.
@@ -82,7 +82,7 @@ pub fn read_configuration(file: &std::path::Path) -> Result<ScannerConfiguration
     }
 }
 
-/// The texts of the setup of an instance, with real cameras or virtual ones.
+/// The texts of the setup of an instance, with real or virtual cameras.
 ///
 /// # Errors
 /// As [`ScannerConfiguration::setup_text`], or the virtual scanner cannot be built.
@@ -127,7 +127,7 @@ fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationP
     Faults::new(options).map(|_| options).map_err(named)
 }
 
-/// The value that a word names.
+/// The value for a word.
 fn word<T: FromStr<Err = SimulationError>>(
     key: &'static str,
     word: Option<&str>,
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_word_that_means_nothing_is_named_with_its_key() {
+    fn an_unknown_word_is_named_with_its_key() {
         let changed = parse(&DEMO.replace("object = \"elephant\"", "object = \"elefant\""));
         let problem = ConfiguredScanner::of_instance(&changed).unwrap_err().to_string();
         assert!(problem.contains("virtual_scanner.object") && problem.contains("elefant"), "{problem}");

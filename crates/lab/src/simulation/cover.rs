@@ -1,4 +1,4 @@
-//! A dark flap before the right half of a camera's image: black there in every image, and no correspondence.
+//! A dark flap in front of the right half of a camera: that half is black in every image, and has no correspondence.
 
 use fringeflow_dataset::{CameraId, RenderedTruth};
 
@@ -10,7 +10,7 @@ fn first_covered(width: usize) -> usize {
 }
 
 impl View {
-    /// What the camera sees with the flap: nothing in the right half.
+    /// The view with the flap: nothing in the right half.
     #[must_use]
     pub(super) fn half_covered(mut self) -> Self {
         let first = first_covered(self.width);
@@ -24,12 +24,13 @@ impl View {
     }
 }
 
-/// Takes from a truth what C2 does not see behind its flap; behind that of C1 the view has nothing, and so the truth.
+/// Removes from a truth the points that C2 does not see behind its flap. Behind the flap of C1, the view and so the
+/// truth are empty already.
 pub(super) fn hide(truth: &mut RenderedTruth, covered: CameraId, cam2_width_px: usize) {
     if covered == CameraId::Cam1 {
         return;
     }
-    // Pixel centres are at integers, so a pixel begins half a pixel before.
+    // Pixel centres are at integers, so a pixel begins half a pixel earlier.
     let border_px = first_covered(cam2_width_px) as f32 - 0.5;
     for (i, _) in truth.cam2_px.iter().enumerate().filter(|(_, cam2_px)| cam2_px[0] >= border_px) {
         truth.seen_by_cam2[i] = false;

@@ -1,7 +1,6 @@
-//! Faults that the virtual scanner makes on purpose, to see how the pipeline accounts for them.
+//! Faults that the virtual scanner injects, to test how the pipeline accounts for them.
 //!
-//! In: shares. Out: for the number of an exposure, what goes wrong with its image. A function of seed and number alone,
-//! so that a run can be repeated.
+//! In: shares. Out: the fault of each exposure's image. It depends on seed and number only, so a run can be repeated.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -10,59 +9,59 @@ use fringeflow_dataset::CameraId;
 
 use super::{SimulationError, check_range};
 
-/// How often what goes wrong; shares of all images of a camera or of all pattern events, 0 to 1.
+/// Shares of the faults, of all images of a camera or of all pattern events, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaultOptions {
-    /// Images lost in the camera: its numbers skip.
+    /// Images lost in the camera: the sequence numbers skip.
     pub lost: f64,
-    /// Images that come twice.
+    /// Images delivered twice.
     pub duplicated: f64,
-    /// Images that come after the next one.
+    /// Images delivered after the next one.
     pub swapped: f64,
-    /// Images that come a period late.
+    /// Images delivered a period late.
     pub late: f64,
-    /// Images lost without a trace: the next one takes their number and their time.
+    /// Images lost without a trace: the next image takes their number and time.
     pub hidden_lost: f64,
-    /// Images that come again under the number and the time of the next one.
+    /// Images delivered again under the number and time of the next one.
     pub hidden_duplicated: f64,
-    /// Images that change number and time with the next one.
+    /// Images that exchange number and time with the next one.
     pub hidden_swapped: f64,
-    /// Pattern events that are not sent.
+    /// Pattern events not sent.
     pub events_lost: f64,
     /// Seed.
     pub seed: u64,
 }
 
-/// What goes wrong with an image.
+/// Fault of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageFault {
-    /// It is lost in the camera.
+    /// Lost in the camera.
     Lost,
-    /// It comes twice.
+    /// Delivered twice.
     Duplicated,
-    /// It comes after the next one.
+    /// Delivered after the next one.
     Swapped,
-    /// It comes a period late.
+    /// Delivered a period late.
     Late,
-    /// It is lost without a trace.
+    /// Lost without a trace.
     HiddenLost,
-    /// It comes again in the place of the next one.
+    /// Delivered again in place of the next one.
     HiddenDuplicated,
-    /// It changes places with the next one.
+    /// Exchanged with the next one.
     HiddenSwapped,
 }
 
-/// Decides what goes wrong.
+/// Decides the faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
     options: FaultOptions,
 }
 
 impl Faults {
-    /// Faults of these shares.
+    /// Faults with these shares.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: a share below 0 or above 1, or shares of images that come to more than 1.
+    /// [`SimulationError::Range`]: a share below 0 or above 1, or shares of images whose sum exceeds 1.
     pub fn new(options: FaultOptions) -> Result<Self, SimulationError> {
         let FaultOptions { lost, duplicated, swapped, late, events_lost, .. } = options;
         let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = options;
@@ -82,7 +81,7 @@ impl Faults {
         Ok(Self { options })
     }
 
-    /// What goes wrong with the image of an exposure.
+    /// The fault of the image of an exposure.
     #[must_use]
     pub fn of_image(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
         let FaultOptions { lost, duplicated, swapped, late, .. } = self.options;
@@ -103,13 +102,13 @@ impl Faults {
         })
     }
 
-    /// Whether a pattern event is not sent.
+    /// Whether a pattern event is lost.
     #[must_use]
     pub fn loses_event(&self, sequence: u64) -> bool {
         self.draw(0, sequence) < self.options.events_lost
     }
 
-    /// A number from 0 to below 1 for an item of a source.
+    /// A random number from 0 to below 1 for an item of a source.
     fn draw(&self, source: u64, number: u64) -> f64 {
         let mut key = [0; 32];
         for (bytes, value) in key.chunks_exact_mut(8).zip([self.options.seed, source, number]) {
@@ -136,7 +135,7 @@ mod tests {
     };
 
     #[test]
-    fn shares_are_met_and_cameras_err_apart() {
+    fn shares_are_met_and_cameras_are_independent() {
         let faults = Faults::new(OPTIONS).unwrap();
         let count = |camera, fault| (0..20_000).filter(|&k| faults.of_image(camera, k) == Some(fault)).count();
         for camera in CameraId::BOTH {
@@ -163,23 +162,23 @@ mod tests {
     }
 
     #[test]
-    fn the_same_seed_errs_alike() {
-        let of = |seed| {
+    fn the_same_seed_gives_the_same_faults() {
+        let faults = |seed| {
             let faults = Faults::new(FaultOptions { seed, ..OPTIONS }).unwrap();
             (0..500).map(|k| faults.of_image(CameraId::Cam1, k)).collect::<Vec<_>>()
         };
-        assert_eq!(of(3), of(3));
-        assert_ne!(of(3), of(4));
+        assert_eq!(faults(3), faults(3));
+        assert_ne!(faults(3), faults(4));
     }
 
     #[test]
-    fn without_shares_nothing_goes_wrong() {
+    fn without_shares_there_are_no_faults() {
         let faults = Faults::default();
         assert!((0..1000).all(|k| faults.of_image(CameraId::Cam2, k).is_none() && !faults.loses_event(k)));
     }
 
     #[test]
-    fn shares_that_cannot_be_are_refused() {
+    fn invalid_shares_are_refused() {
         let refused = |options| Faults::new(options).unwrap_err().to_string();
         assert!(refused(FaultOptions { lost: -0.1, ..OPTIONS }).contains("lost images is -0.1"));
         assert!(refused(FaultOptions { events_lost: f64::NAN, ..OPTIONS }).contains("pattern events"));

@@ -1,7 +1,7 @@
-//! A hand before the measurement volume: it hides and shadows what lies behind it, and is never to be measured.
+//! A hand in front of the measurement volume: it hides and shadows what lies behind it, and is never measured.
 //!
-//! It reaches in from the right, the fingers spread. Frame: that of the object (x right, y up, z towards the sensor), shifted
-//! so that the hand lies on z = 0, which is [`GAP_MM`] before the near face of the volume. Millimetres.
+//! It reaches in from the right with spread fingers. Frame: that of the object (x right, y up, z towards the sensor),
+//! shifted so that the hand lies on z = 0, [`GAP_MM`] in front of the near face of the volume. Millimetres.
 
 use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
@@ -10,14 +10,14 @@ use super::solid::{Material, PointMm, RoundCone, Solid, smooth_union};
 
 /// A hand, in the frame of the object.
 pub(super) struct Hand {
-    /// Where its own origin is.
+    /// Its origin in the frame of the object.
     place: PointMm,
     bones: [RoundCone; 6],
 }
 
 /// Gap between the hand and the near face of the volume, millimetres.
 const GAP_MM: f64 = 15.0;
-/// Height of the axes of the fingers, and half of their thickness at root and tip.
+/// Height of the axes of the fingers, and their radii at root and tip.
 const AXIS_Z: f64 = 9.0;
 const ROOT_RADIUS: f64 = 9.0;
 const TIP_RADIUS: f64 = 6.5;
@@ -29,7 +29,7 @@ const FINGERS: [([f64; 2], [f64; 2]); 5] = [
     ([64.0, -20.0], [20.0, -29.0]),
     ([82.0, 30.0], [52.0, 52.0]),
 ];
-/// Both ends of the palm, x and y, and half of its thickness.
+/// Both ends of the palm, x and y, and its radius.
 const PALM: ([f64; 2], [f64; 2]) = ([78.0, 16.0], [80.0, -12.0]);
 const PALM_RADIUS: f64 = 20.0;
 /// Fillet between the fingers and the palm.
@@ -38,7 +38,7 @@ const WEB: f64 = 5.0;
 const SKIN: Material = Material { brightness: 0.56, gloss: 0.0 };
 
 impl Hand {
-    /// The hand before a volume.
+    /// The hand in front of a volume.
     pub(super) fn before(volume: &MeasurementVolume, volume_from_object: &Pose) -> Self {
         let at = |[x, y]: [f64; 2], z: f64| PointMm::new(x, y, z);
         let near_face = Point3::new(0.0, 0.0, volume.min().z - GAP_MM / MM_PER_M);
@@ -91,11 +91,11 @@ mod tests {
             let in_box = (0..3).all(|axis| p[axis] >= min[axis] && p[axis] <= max[axis]);
             let here = hand.distance_mm(&p);
             inside += usize::from(here < 0.0);
-            assert!(in_box || here > 0.0, "{p} beside the box");
+            assert!(in_box || here > 0.0, "{p} outside the box");
             let step = PointMm::new(0.6, -0.48, 0.64) * 0.01;
             let there = hand.distance_mm(&(p + step));
             assert!(here < 0.0 || there < 0.0 || (there - here).abs() <= 0.01 * (1.0 + 1e-9), "{p}");
         }
-        assert!(inside > 4000, "{inside} of 50000 places are in the hand");
+        assert!(inside > 4000, "{inside} of 50000 points are in the hand");
     }
 }

@@ -1,11 +1,12 @@
-//! The images of a moving scanner, made beforehand and shown in a loop: tracing rays takes longer than real time.
+//! The images of a moving scanner, rendered in advance and shown in a loop, because ray tracing is slower than real
+//! time.
 //!
 //! In: a [`VirtualScanner`]. Out: for every pose of its sweep the image of each camera, with one step of the pattern:
-//! the step that comes round when image follows image. Every step stands at its share of the poses, so that a projector
-//! that shows another step finds a pose of it close by, and the fringes are right whatever it shows.
+//! the step whose turn it is when images follow each other in order. Every step occurs regularly among the poses, so a
+//! projector that shows another step finds a nearby pose with it, and the fringes are correct whatever it shows.
 //!
-//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, by object; the loop is then kept in a
-//! file.
+//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, depending on the object; the loop
+//! is then kept in a file.
 
 use std::ops::ControlFlow;
 
@@ -36,7 +37,7 @@ impl ImageLoop {
         Self { size_px, format, poses, steps: scanner.options().steps, pixels }
     }
 
-    /// Makes the images; `on_pose` is told after every pose and can break it off, which leaves `None`.
+    /// Renders the images; `on_pose` is called after every pose and can cancel, which returns `None`.
     ///
     /// # Errors
     /// As [`PoseImages::take`].
@@ -64,8 +65,8 @@ impl ImageLoop {
         self.size_px
     }
 
-    /// The image of an exposure while the projector shows a step: that of the pose nearest to the exposure's turn among
-    /// those with the step. `None` for a step that the loop has not.
+    /// The image of an exposure while the projector shows a step: the image of the nearest pose with that step. `None`
+    /// for an unknown step.
     #[must_use]
     pub fn image(&self, camera: CameraId, exposure_number: u64, step: u32) -> Option<GreyLevels<'_>> {
         let pose = self.pose(exposure_number, step)?;
@@ -74,7 +75,7 @@ impl ImageLoop {
         Some(GreyLevels { format: self.format, bytes: image })
     }
 
-    /// The pose that is shown in an exposure.
+    /// The pose shown in an exposure.
     fn pose(&self, exposure_number: u64, step: u32) -> Option<usize> {
         let (poses, steps, step) = (self.poses, self.steps, step as usize);
         if step >= steps {
@@ -102,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn image_after_image_the_loop_runs_through() {
+    fn images_in_order_run_through_the_loop() {
         let images = ImageLoop::dark(&scanner());
         for k in 0..100_u64 {
             assert_eq!(images.pose(k, (k % 4) as u32), Some((k % 24) as usize));
@@ -110,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn another_step_finds_the_nearest_pose_that_has_it() {
+    fn another_step_finds_the_nearest_pose_with_it() {
         let images = ImageLoop::dark(&scanner());
         for (exposure, step) in (0..48).flat_map(|k| (0..4).map(move |s| (k, s))) {
             let pose = images.pose(exposure, step).unwrap();
@@ -125,13 +126,13 @@ mod tests {
     #[test]
     fn every_image_is_that_of_its_pose_and_step() {
         let scanner = scanner();
-        let mut told = Vec::new();
+        let mut called = Vec::new();
         let on_pose = |pose| {
-            told.push(pose);
+            called.push(pose);
             ControlFlow::Continue(())
         };
         let images = ImageLoop::render(&scanner, on_pose).unwrap().unwrap();
-        assert_eq!(told, (0..24).collect::<Vec<_>>());
+        assert_eq!(called, (0..24).collect::<Vec<_>>());
         let quiet = Sensor::exposed(None, 1.0);
         for pose in [0, 7, 23] {
             let scene = scanner.scene().at(scanner.cam1_from_object(pose));
@@ -144,29 +145,29 @@ mod tests {
                 assert!((0.3..3.0).contains(&mean), "pose {pose}, {camera:?}: {mean} grey levels apart");
             }
         }
-        // Four images on, the step is the same, the pose and the noise are not.
+        // Four images later the step is the same; the pose and the noise are not.
         assert_ne!(images.image(CameraId::Cam1, 0, 0), images.image(CameraId::Cam1, 4, 0));
     }
 
     #[test]
-    fn rendering_can_be_broken_off() {
-        let mut told = 0;
+    fn rendering_can_be_cancelled() {
+        let mut calls = 0;
         let on_pose = |pose| {
-            told += 1;
+            calls += 1;
             if pose == 1 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         assert!(ImageLoop::render(&scanner(), on_pose).unwrap().is_none());
-        assert_eq!(told, 2);
+        assert_eq!(calls, 2);
     }
 
     #[test]
     fn the_number_of_threads_changes_no_byte() {
         let sweep = crate::simulation::SweepOptions { poses: 4, ..options().sweep };
         let scanner = VirtualScanner::new(VirtualScannerOptions { sweep, ..options() }).unwrap();
-        let with = |threads| {
+        let with_threads = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| ImageLoop::render(&scanner, |_| ControlFlow::Continue(())).unwrap().unwrap())
         };
-        assert_eq!(with(1), with(3));
+        assert_eq!(with_threads(1), with_threads(3));
     }
 }

@@ -1,7 +1,7 @@
-//! The file of an image loop: made once, read by whoever starts the same virtual scanner again.
+//! The file of an image loop: rendered once, and loaded when the same virtual scanner starts again.
 //!
 //! Layout, little-endian: magic, format version, CRC-32 of the pixels, hash of the scanner's options; then the pixels,
-//! pose by pose, C1 before C2. How many there are follows from the options, never from the file.
+//! pose by pose, C1 before C2. Their number follows from the options, never from the file.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -15,10 +15,10 @@ use super::image_loop::ImageLoop;
 use super::virtual_scanner::VirtualScanner;
 
 const MAGIC: [u8; 8] = *b"FFIMLOOP";
-/// Raised with every change of the layout, and of what a scanner of the same options sees.
+/// Increased with every change of the layout, or of the images of a scanner with the same options.
 const VERSION: u32 = 1;
 
-/// What stands before the pixels.
+/// Header before the pixels.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Header {
@@ -31,25 +31,25 @@ struct Header {
 /// Why a file does not hold the image loop of a scanner.
 #[derive(Debug, thiserror::Error)]
 pub enum LoopFileProblem {
-    /// There is none yet.
+    /// The file does not exist yet.
     #[error("does not exist yet")]
     Missing,
     /// It cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] io::Error),
-    /// It is something else.
+    /// It is no image loop.
     #[error("is not an image loop; give another path")]
     NotAnImageLoop,
-    /// It was made by another version.
+    /// It was written by another version.
     #[error("has format version {found}, expected {VERSION}")]
     Version {
         /// Version in the file.
         found: u32,
     },
-    /// It belongs to other options.
+    /// It belongs to a scanner with other options.
     #[error("belongs to a virtual scanner of other options")]
     OtherOptions,
-    /// Its length is not that of the loop.
+    /// Its length does not fit the loop.
     #[error("is {found} bytes long, expected {expected}")]
     Length {
         /// Bytes in the file.
@@ -57,13 +57,13 @@ pub enum LoopFileProblem {
         /// Bytes expected.
         expected: u64,
     },
-    /// Its content was changed.
+    /// Its content has changed.
     #[error("is damaged: its checksum does not fit")]
     Damaged,
 }
 
 impl LoopFileProblem {
-    /// Whether the file may be replaced: it is an image loop, if an old or damaged one, or nothing at all.
+    /// Whether the file may be replaced: it is an image loop, even if old or damaged, or does not exist.
     #[must_use]
     pub fn may_be_replaced(&self) -> bool {
         !matches!(self, Self::Unreadable(_) | Self::NotAnImageLoop)
@@ -71,7 +71,7 @@ impl LoopFileProblem {
 }
 
 impl ImageLoop {
-    /// Writes the loop of `scanner`, all or not at all.
+    /// Writes the loop of `scanner` atomically.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -87,7 +87,7 @@ impl ImageLoop {
     /// Reads the loop of `scanner`.
     ///
     /// # Errors
-    /// [`LoopFileProblem`]: there is no file, or it holds something else; the remedy is to render the loop.
+    /// [`LoopFileProblem`]: the file is missing or does not hold this loop; the remedy is to render it.
     pub fn load(scanner: &VirtualScanner, path: &Path) -> Result<Self, LoopFileProblem> {
         let mut file = File::open(path).map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => LoopFileProblem::Missing,
@@ -126,7 +126,7 @@ fn read_header(file: &mut File) -> Result<Header, LoopFileProblem> {
     Ok(header)
 }
 
-/// Hash of the options; every digit of a number is in their debug text.
+/// Hash of the options; their debug text has every digit of the numbers.
 fn options_hash(scanner: &VirtualScanner) -> [u8; 32] {
     Sha256::digest(format!("{:?}", scanner.options())).into()
 }
@@ -153,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_back_as_it_was() {
+    fn it_is_loaded_as_it_was_saved() {
         let (_folder, path, scanner, images) = saved();
         assert_eq!(ImageLoop::load(&scanner, &path).unwrap(), images);
         assert!(ImageLoop::load(&scanner, &path.with_extension("none")).unwrap_err().may_be_replaced());
     }
 
     #[test]
-    fn other_options_are_told() {
+    fn other_options_are_refused() {
         let (_folder, path, ..) = saved();
         let usual = small();
         for other in [
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn no_cut_and_no_flipped_bit_goes_unnoticed() {
+    fn no_truncation_and_no_flipped_bit_goes_unnoticed() {
         let (_folder, path, scanner, _) = saved();
         let bytes = std::fs::read(&path).unwrap();
         let refused = |bytes: &[u8]| {

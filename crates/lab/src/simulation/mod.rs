@@ -1,19 +1,19 @@
-//! The virtual scanner: images that a real one would take, and what is true of them.
+//! The virtual scanner: the images that a real scanner would take, and their truth.
 //!
 //! ```text
 //!  RigOptions ─► VirtualRig (exact, calibrated, volume) ─┐
 //!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
-//!  Object, Board ─► Scene (pose before C1) ──────────────┘   truth
+//!  Object, Board ─► Scene (pose relative to C1) ─────────┘   truth
 //!  MotionOptions ─► pose of the object in every phase image of a Simulation
 //!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
 //! ```
 //!
 //! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
-//! any pattern, or with [`Simulation`] a whole dataset folder. Rays are traced once per pose: a view of 640 × 512 pixels
-//! costs one to four seconds of one core, by object. Objects, sizes and knobs are those of the paper's section 3, and
-//! harder ones: see [`Object`] and [`Staging`].
+//! any pattern; or with [`Simulation`] a whole dataset folder. Rays are traced once per pose: a view of 640 × 512
+//! pixels costs one to four seconds of one core, depending on the object. Objects, sizes and parameters are those of
+//! the paper's section 3, and harder ones: see [`Object`] and [`Staging`].
 //!
-//! Everything is a function of its options and seeds; the number of threads changes no byte.
+//! Results depend only on options and seeds; the number of threads changes no byte.
 
 mod alignment;
 mod board;
@@ -70,15 +70,13 @@ pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 use fringeflow::geometry::VolumeError;
 use fringeflow_dataset::DatasetError;
 
-use crate::evaluation::{EvaluationError, GrayReferenceError};
-
-/// Why something could not be simulated.
+/// Errors of a simulation.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
     /// An option is out of its range.
     #[error("{what} is {}; it must lie between {min} and {}", in_unit(*value, unit), in_unit(*max, unit))]
     Range {
-        /// What the option is.
+        /// Name of the option.
         what: &'static str,
         /// Its value.
         value: f64,
@@ -89,19 +87,19 @@ pub enum SimulationError {
         /// Largest value.
         max: f64,
     },
-    /// An object of that name does not exist.
+    /// There is no object with this name.
     #[error("object {name:?} is not known; use {}", Object::names())]
     UnknownObject {
         /// The name.
         name: String,
     },
-    /// A noise level of that name does not exist.
+    /// There is no noise level with this name.
     #[error("noise level {name:?} is not known; use none, low, normal or high")]
     UnknownNoise {
         /// The name.
         name: String,
     },
-    /// A board of that name does not exist.
+    /// There is no board with this name.
     #[error("board {name:?} is not known; use none, dark, visible, behind, or a distance from the volume in mm")]
     UnknownBoard {
         /// The name.
@@ -112,7 +110,7 @@ pub enum SimulationError {
     BoardGap {
         /// Its distance, millimetres.
         distance_mm: f64,
-        /// The least one, millimetres.
+        /// The least distance, millimetres.
         least_mm: f64,
     },
     /// A board reaches a camera or the projector.
@@ -120,10 +118,10 @@ pub enum SimulationError {
         "the board passes {sight_mm:.0} mm before a camera or the projector; put it nearer to the volume, or tilt it less"
     )]
     BoardAtDevice {
-        /// How far before the nearest device, millimetres.
+        /// Distance in front of the nearest device, millimetres.
         sight_mm: f64,
     },
-    /// No size of the object fills the share of the image.
+    /// No size of the object fills this share of the image.
     #[error(
         "the {object} fills {found_percent:.1} % of the image and not {percent} %, however large; use another share"
     )]
@@ -132,16 +130,16 @@ pub enum SimulationError {
         object: &'static str,
         /// The wanted share, percent.
         percent: f64,
-        /// That of the last size that was tried, percent.
+        /// The share at the last size tried, percent.
         found_percent: f64,
     },
-    /// No calibration error causes the wanted spread.
+    /// No calibration error causes the wanted sd of δ.
     #[error("no calibration error makes the sd of δ {sd_rad} rad with this rig; use a smaller sd")]
     NoCalibration {
-        /// The wanted spread, rad.
+        /// The wanted sd, rad.
         sd_rad: f64,
     },
-    /// The poses of a sweep do not hold every step alike.
+    /// The number of poses of a sweep is no multiple of the steps.
     #[error(
         "the sweep has {poses} poses, which {steps} steps do not divide; use {fewer} or {more} poses",
         fewer = poses / steps * steps,
@@ -153,35 +151,29 @@ pub enum SimulationError {
         /// Phase shifts.
         steps: usize,
     },
-    /// The sweep leads out of the measurement volume.
+    /// The sweep leaves the measurement volume.
     #[error(
         "pose {pose} of the sweep takes the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
          turn, or a deeper volume, or allow it (outside_mm)"
     )]
     OutOfVolume {
-        /// First such pose.
+        /// First pose outside.
         pose: usize,
-        /// How far, millimetres.
+        /// Distance outside, millimetres.
         excess_mm: f64,
     },
     /// A description cannot be written as JSON.
     #[error("the description of the virtual scanner: {0}")]
     Description(#[from] serde_json::Error),
-    /// The measurement volume is none.
+    /// The measurement volume is invalid.
     #[error(transparent)]
     Volume(#[from] VolumeError),
     /// The dataset could not be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// The Gray-code reference cannot measure the simulated images.
-    #[error("the reference data of the simulated images: {0}")]
-    Gray(#[from] GrayReferenceError),
-    /// The Gray-code reference does not belong to the truth.
-    #[error("the reference data of the simulated images: {0}")]
-    Reference(#[from] EvaluationError),
 }
 
-/// A value and its unit, where it has one.
+/// A value with its unit, if it has one.
 fn in_unit(value: f64, unit: &str) -> String {
     format!("{value} {unit}").trim_end().to_owned()
 }

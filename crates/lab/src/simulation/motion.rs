@@ -1,10 +1,11 @@
-//! An object that moves while a fringe sequence is taken: a steady motion, with the tremor of a hand if wanted.
+//! An object that moves while a fringe sequence is taken: a steady motion, optionally with the tremor of a hand.
 //!
-//! In: how far an image. Out: where the object is at any moment, counted in images, compared with its place in the middle
-//! of the sequence; and what a camera sees there, each image at its own pose. To the cameras it is the same whether they
-//! or the object move.
+//! In: the motion per image. Out: the pose of the object at any time, counted in images, relative to its place in the
+//! middle of the sequence; and the view of a camera there, each image at its own pose. For the cameras it makes no
+//! difference whether they or the object move.
 //!
-//! Rays are traced anew for every image. What blurs an image follows from the view of its middle where that is exact.
+//! Rays are traced anew for every image. The parts of a blurred image are tracked from the view of its middle where
+//! that is exact.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -17,18 +18,18 @@ use super::tremor::Tremor;
 use super::view::View;
 use super::{Scene, SimulationError, VirtualRig, check_range};
 
-/// How an object moves.
+/// Motion of an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionOptions {
-    /// Way from one image to the next, along a fixed direction oblique to all axes of the measurement volume, mm.
+    /// Translation per image, along a fixed direction oblique to all axes of the measurement volume, mm.
     pub mm_per_image: f64,
-    /// Turn from one image to the next, about a fixed axis through the origin of the volume's frame, degrees.
+    /// Rotation per image about a fixed axis through the origin of the volume's frame, degrees.
     pub deg_per_image: f64,
     /// Cycles of phase images.
     pub cycles: usize,
-    /// Share of the time from one image to the next in which the shutter is open, 0 to 1.
+    /// Share of the frame period in which the shutter is open, 0 to 1.
     pub blur: f64,
-    /// Root mean square of the tremor along each axis, millimetres, and about it, degrees; relative to the middle of the
+    /// Root mean square of the tremor along each axis, millimetres, and about it, degrees; zero in the middle of the
     /// sequence.
     pub tremor: f64,
     /// Seed of the tremor.
@@ -43,24 +44,24 @@ pub(super) struct ObjectMotion {
     tremor: Tremor,
 }
 
-/// Direction of the way and axis of the turn, frame of the measurement volume; each is made a unit vector.
+/// Direction of the translation and axis of the rotation, frame of the measurement volume; both are normalized.
 const DIRECTION: [f64; 3] = [0.62, -0.35, 0.70];
 const AXIS: [f64; 3] = [0.30, 0.90, 0.25];
 /// Bounds of the options.
 const MAX_MM: f64 = 5.0;
 const MAX_DEG: f64 = 5.0;
 const MAX_CYCLES: f64 = 100.0;
-/// Images after which the tremor would begin again.
+/// Images after which the tremor repeats.
 const TREMOR_ROUND: usize = 240;
-/// Parts of an exposure with blur; odd, so that one is in its middle.
+/// Parts of an exposure with blur; odd, so that one lies in its middle.
 const PARTS: usize = 5;
 
 impl MotionOptions {
-    /// The least number of cycles that have sixteen images or more, several times each step, and a cycle in their middle.
+    /// The least number of cycles with at least sixteen images, each step several times, and a cycle in their middle.
     #[must_use]
     pub fn usual_cycles(steps: usize) -> usize {
         let least = 16_usize.div_ceil(steps.max(1)).max(2);
-        // An odd number of images has its middle on an image, an even one between two; a cycle must have the same.
+        // An odd number of images has its middle on an image, an even one between two; a cycle must match that.
         if steps.is_multiple_of(2) || !least.is_multiple_of(2) { least } else { least + 1 }
     }
 }
@@ -73,7 +74,7 @@ impl ObjectMotion {
         check_range("the blur", options.blur, 0.0, 1.0, "of an image")?;
         let tremor = Tremor::new(TREMOR_ROUND, options.tremor, options.tremor, options.seed)?;
         let motion = Self { options, images: steps * options.cycles, tremor };
-        // Beyond, interpolation between poses would take the shorter way round.
+        // Beyond this, interpolation between poses would take the shorter way round.
         let farthest_rad = options.deg_per_image.to_radians() * motion.reference();
         check_range("the turn from the middle of the sequence", farthest_rad, 0.0, FRAC_PI_2, "rad")?;
         Ok(motion)
@@ -84,7 +85,7 @@ impl ObjectMotion {
         (self.images as f64 - 1.0) / 2.0
     }
 
-    /// Where the object is at a moment, compared with the middle of the sequence; frame of the measurement volume, metres.
+    /// Pose of the object at a time, relative to the middle of the sequence; frame of the measurement volume, metres.
     fn pose(&self, image: f64) -> Pose {
         let since = image - self.reference();
         let [tremor, reference] = [image, self.reference()].map(|at| self.tremor.at(at));
@@ -100,14 +101,14 @@ impl ObjectMotion {
         Motion { reference: self.reference(), poses: (0..self.images).map(|k| self.pose(k as f64)).collect() }
     }
 
-    /// A scene of the middle of the sequence at another moment.
+    /// The scene at another time, from the one in the middle of the sequence.
     fn scene(&self, rig: &VirtualRig, reference: &Scene, image: f64) -> Scene {
         let cam1_from_volume = rig.exact_volume.cam1_from_volume();
         let motion = cam1_from_volume * self.pose(image) * cam1_from_volume.inverse();
         reference.clone().at(motion * reference.cam1_from_object())
     }
 
-    /// What a camera sees in the middle of the exposure of an image, and in its other parts.
+    /// The view of a camera in the middle of the exposure of an image, and those in its other parts.
     pub(super) fn views(
         &self,
         rig: &VirtualRig,

@@ -1,17 +1,17 @@
 //! The images of a moving virtual scanner, pose after pose.
 //!
-//! Rays of a pose are all traced anew every few poses; between them most pixels follow from the pose before. So images
-//! must be made in the order of the poses, and every round of the sweep has the same.
+//! All rays are traced anew every few poses; between them, most pixels are tracked from the pose before. So images must
+//! be made in the order of the poses, and every round of the sweep gives the same images.
 
 use fringeflow_dataset::{CameraId, GreyImage};
 
 use super::view::View;
 use super::{Scene, Sensor, SimulationError, VirtualScanner};
 
-/// Poses from one whose rays are all traced to the next.
+/// Poses between two complete traces.
 const TRACKED_POSES: usize = 16;
 
-/// Makes the images of one pose after the other, round after round.
+/// Renders the images pose after pose, round after round.
 pub struct PoseImages<'a> {
     scanner: &'a VirtualScanner,
     resting: Scene,
@@ -21,7 +21,7 @@ pub struct PoseImages<'a> {
 }
 
 impl<'a> PoseImages<'a> {
-    /// Begins with the first pose.
+    /// Starts with the first pose.
     #[must_use]
     pub fn new(scanner: &'a VirtualScanner) -> Self {
         let (resting, sensor) = (scanner.scene(), scanner.sensor());
@@ -31,7 +31,7 @@ impl<'a> PoseImages<'a> {
     /// The images of both cameras at the next pose, while the projector shows a step.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: an option that [`View::trace`] refuses.
+    /// [`SimulationError::Range`]: [`View::trace`] refuses an option.
     pub fn take(&mut self, step: usize) -> Result<[GreyImage; 2], SimulationError> {
         let (scanner, pose) = (self.scanner, self.pose);
         let scene = self.resting.clone().at(scanner.cam1_from_object(pose));

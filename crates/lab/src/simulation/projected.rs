@@ -1,4 +1,4 @@
-//! What the projector shows.
+//! Patterns of the projector.
 
 use std::f64::consts::TAU;
 
@@ -6,7 +6,7 @@ use fringeflow::geometry::FringePattern;
 
 use super::view::Sample;
 
-/// In which direction a pattern changes.
+/// Direction in which a pattern changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// From column to column.
@@ -22,7 +22,7 @@ pub enum Projected {
     Fringes {
         /// The direction in which the phase grows.
         direction: Direction,
-        /// Phase against projector pixel.
+        /// Phase as a function of the projector pixel.
         pattern: FringePattern,
         /// Phase shift, rad.
         shift_rad: f64,
@@ -33,12 +33,12 @@ pub enum Projected {
         direction: Direction,
         /// The fringes whose half periods are counted.
         pattern: FringePattern,
-        /// Which bit, 0 the least significant.
+        /// Number of the bit; 0 is the least significant.
         bit: u32,
     },
-    /// Everything bright.
+    /// Fully bright.
     White,
-    /// Everything dark.
+    /// Fully dark.
     Black,
 }
 
@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gray_code_counts_half_periods_and_changes_one_bit_a_cell() {
+    fn gray_code_counts_half_periods_and_changes_one_bit_per_cell() {
         let pattern = FringePattern { period_px: 16.0, sign: 1.0, offset_rad: TAU / 32.0 };
         let code = |column: usize| {
             let sample = Sample { column_px: column as f32, ..Sample::default() };

@@ -1,7 +1,8 @@
-//! The virtual rig: a sensor as it is, as its calibration says it is, and the volume that it measures.
+//! The virtual rig: the real sensor, its calibration with an error, and its measurement volume.
 //!
-//! In: an arrangement and the knobs that rule `efc` (paper, Eq. 1): depth of the volume, period, calibration error.
-//! Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of either, and the fringe patterns.
+//! In: an arrangement and the parameters that determine `efc` (paper, Eq. 1): depth of the volume, period, calibration
+//! error. Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of either, and the fringe
+//! patterns.
 
 use std::f64::consts::PI;
 
@@ -12,7 +13,7 @@ use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume,
 use super::calibration_error::{self, CalibrationDeviation};
 use super::{SimulationError, check_range};
 
-/// How cameras and projector stand to each other; the preset is [`Arrangement::TABLE_TOP`].
+/// Arrangement of cameras and projector; the default is [`Arrangement::TABLE_TOP`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrangement {
     /// Distance between the centres of the cameras, metres.
@@ -32,7 +33,7 @@ pub struct Arrangement {
 }
 
 impl Arrangement {
-    /// A table-top sensor like the paper's: cameras 110 mm apart, toed in onto a volume 305 mm away, and the projector
+    /// A table-top sensor like the paper's: cameras 110 mm apart, converging on a volume 305 mm away, and the projector
     /// above at 0.38 of the base, where no wrong fringe order of low number passes the back-projection test.
     pub const TABLE_TOP: Self = Self {
         base_m: 0.11,
@@ -48,10 +49,10 @@ impl Arrangement {
     pub const SYMMETRIC: Self = Self { projector_place: 0.5, ..Self::TABLE_TOP };
 }
 
-/// What a virtual rig is made from.
+/// Options of a virtual rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigOptions {
-    /// How cameras and projector stand to each other.
+    /// Arrangement of cameras and projector.
     pub arrangement: Arrangement,
     /// Width and height of the camera images, pixels.
     pub size_px: [usize; 2],
@@ -59,17 +60,17 @@ pub struct RigOptions {
     pub depth_m: f64,
     /// Fringe period, projector pixels.
     pub period_px: f64,
-    /// Standard deviation that δ of true correspondences has from the calibration error alone, rad.
+    /// Standard deviation of δ of true correspondences caused by the calibration error alone, rad.
     pub sd_rad: f64,
-    /// How large the errors of k2, p1 and p2 of the lenses are, compared with each other error of the calibration; 0 for none.
-    /// However large, δ has its standard deviation: only its course over image and depth becomes less simple.
+    /// Size of the errors of k2, p1 and p2 of the lenses, relative to each other error of the calibration; 0 for none.
+    /// The standard deviation of δ stays the same: only its course over image and depth becomes more complex.
     pub lens_error: f64,
     /// Seed of the calibration error.
     pub seed: u64,
 }
 
 impl RigOptions {
-    /// A rig over a table with δ and number of periods as in the paper (sd 0.041 rad, n about 6), for a volume of this depth.
+    /// A table-top rig with the paper's sd and number of periods (sd 0.041 rad, n about 6), for a volume of this depth.
     #[must_use]
     pub const fn usual(depth_m: f64) -> Self {
         let arrangement = Arrangement::TABLE_TOP;
@@ -77,7 +78,7 @@ impl RigOptions {
     }
 }
 
-/// A simulated sensor and what its maker believes about it.
+/// A simulated sensor, and its calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VirtualRig {
     /// The rig that takes the images.
@@ -86,21 +87,21 @@ pub struct VirtualRig {
     pub calibrated: Rig,
     /// Measurement volume in the frame of the exact C1.
     pub exact_volume: MeasurementVolume,
-    /// Measurement volume in the frame of the calibrated C1: where points triangulated with the calibration are.
+    /// Measurement volume in the frame of the calibrated C1: the frame of points triangulated with the calibration.
     pub volume: MeasurementVolume,
     /// Fringes along the projector's columns.
     pub columns: FringePattern,
     /// Fringes along the projector's rows, for the second direction.
     pub rows: FringePattern,
-    /// What the calibration error amounts to.
+    /// Size of the calibration error.
     pub deviation: CalibrationDeviation,
 }
 
 /// Side of the projector's square display, pixels.
 const PROJECTOR_PX: usize = 1024;
-/// Image size that the arrangement's focal length belongs to, pixels.
+/// Image size for which the arrangement's focal length is given, pixels.
 const NOMINAL_PX: [f64; 2] = [640.0, 512.0];
-/// Largest errors of k2, p1 and p2, compared with the others.
+/// Largest relative errors of k2, p1 and p2.
 const MAX_LENS_ERROR: f64 = 10.0;
 /// Half the width and height of the measurement volume, metres.
 const VOLUME_HALF_M: [f64; 2] = [0.05, 0.04];
@@ -109,7 +110,7 @@ impl VirtualRig {
     /// Builds the rig and draws its calibration error.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of its range, or a calibration error too large for this rig.
+    /// [`SimulationError`]: an option out of range, or a calibration error too large for this rig.
     pub fn new(options: &RigOptions) -> Result<Self, SimulationError> {
         for size in options.size_px {
             check_range("image size", size as f64, 64.0, 4096.0, "px")?;
@@ -139,15 +140,15 @@ impl VirtualRig {
         })
     }
 
-    /// Number of Gray-code images that tell all half periods of the display apart.
+    /// Number of Gray-code images that distinguish all half periods of the display.
     #[must_use]
     pub fn gray_images(&self) -> usize {
         let cells = (2.0 * PROJECTOR_PX as f64 / self.columns.period_px).ceil() as usize;
         cells.next_power_of_two().trailing_zeros().max(1) as usize
     }
 
-    /// Mean number of fringe periods on an epipolar segment, the `n` of Eq. 1: the periods that C2 sees between both ends
-    /// of a segment when it looks at the middle plane of the volume.
+    /// Mean number of fringe periods on an epipolar segment, the `n` of Eq. 1: the periods that C2 sees between both
+    /// ends of a segment on the middle plane of the volume.
     #[must_use]
     pub fn mean_periods(&self) -> f64 {
         let (columns, rows) = (9, 7);
@@ -171,7 +172,7 @@ impl VirtualRig {
         Some((column(far)? - column(near)?).abs() / self.columns.period_px)
     }
 
-    /// Where the ray of C2 to a point meets the middle plane of the volume, frame of C1.
+    /// Intersection of the ray of C2 to a point with the middle plane of the volume, frame of C1.
     fn on_middle_plane(&self, point: &Point3) -> Option<Point3> {
         let volume_from_cam1 = self.exact_volume.cam1_from_volume().inverse();
         let (eye, target) = (volume_from_cam1 * self.exact.centre_of_cam2(), volume_from_cam1 * point);
@@ -180,14 +181,14 @@ impl VirtualRig {
     }
 }
 
-/// The rig without error and its volume; the frame of the volume is x right, y down, z away from the sensor.
+/// The rig without error, and its volume; the frame of the volume is x right, y down, z away from the sensor.
 fn exact_rig(
     arrangement: &Arrangement,
     size_px: [usize; 2],
     depth_m: f64,
 ) -> Result<(Rig, MeasurementVolume), SimulationError> {
     let a = arrangement;
-    // A hair of asymmetry: no assembled sensor is level to the micrometre.
+    // A slight asymmetry: no assembled sensor is level to the micrometre.
     let centre1 = Point3::new(-a.base_m / 2.0, 0.0, -a.distance_m);
     let base = Vector3::new(a.base_m, 0.0018, 0.001);
     let above = Vector3::new(0.0, -a.projector_height_m, -0.004);
@@ -210,7 +211,7 @@ fn exact_rig(
     Ok((rig, MeasurementVolume::new(cam1, -corner, corner)?))
 }
 
-/// Frame of a camera at `eye` that looks at the origin of the volume, turned by `roll_rad`: `camera_from_volume`.
+/// Pose `camera_from_volume` of a camera at `eye` that looks at the origin of the volume, rotated by `roll_rad`.
 fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
     let z = -eye.coords.normalize();
     let x = Vector3::y().cross(&z).normalize();
@@ -221,7 +222,7 @@ fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
     Pose::from_parts(Translation3::from(rotation * -eye.coords), rotation)
 }
 
-/// A camera whose nominal numbers, given for 640 × 512 pixels, are scaled to its image size.
+/// A camera from nominal numbers for 640 × 512 pixels, scaled to its image size.
 fn camera(focal_px: f64, off_centre_px: [f64; 2], lens: Distortion, size_px: [usize; 2]) -> Camera {
     let scale = (size_px[0] as f64 / NOMINAL_PX[0]).min(size_px[1] as f64 / NOMINAL_PX[1]);
     let principal = [0, 1].map(|i| (size_px[i] as f64 - 1.0) / 2.0 + off_centre_px[i] * scale);
@@ -252,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn the_calibration_error_is_the_wanted_one_and_hardly_vertical() {
+    fn the_calibration_error_has_its_size_and_is_hardly_vertical() {
         for seed in 0..12 {
             for sd_rad in [0.004, 0.041, 0.12] {
                 let rig = VirtualRig::new(&RigOptions { seed, sd_rad, ..options() }).unwrap();
@@ -265,9 +266,9 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_error_changes_the_lenses_and_not_how_widely_delta_scatters() {
-        let of = |lens_error| VirtualRig::new(&RigOptions { lens_error, ..options() }).unwrap();
-        let (none, large) = (of(0.0), of(5.0));
+    fn a_lens_error_changes_the_lenses_and_not_the_sd_of_delta() {
+        let with = |lens_error| VirtualRig::new(&RigOptions { lens_error, ..options() }).unwrap();
+        let (none, large) = (with(0.0), with(5.0));
         let coefficients = |rig: &VirtualRig| {
             [&rig.calibrated.cam2, &rig.calibrated.projector]
                 .map(|lens| (lens.distortion().radial[1], lens.distortion().tangential))
@@ -295,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn knobs_move_the_number_of_periods() {
+    fn depth_and_period_change_the_number_of_periods() {
         let periods = |o: RigOptions| VirtualRig::new(&o).unwrap().mean_periods();
         let usual = periods(options());
         assert!(periods(RigOptions { depth_m: 0.05, ..options() }) > 1.8 * usual);

@@ -1,6 +1,6 @@
-//! What the virtual scanner looks at: an object on a board or before one, somewhere before C1.
+//! The scene of the virtual scanner: an object with a board, placed in front of C1.
 //!
-//! In: a body and where it is. Out: its reflectance and, with [`super::trace`], the points that rays meet. Lengths in
+//! In: a body and its pose. Out: its reflectance and, with [`super::trace`], its intersections with rays. Lengths in
 //! millimetres in the frame of the object, as in [`super::solid`]; the pose is in metres like every other.
 
 use std::sync::Arc;
@@ -16,18 +16,18 @@ use super::object::Object;
 use super::share::Scaled;
 use super::solid::{Material, PointMm, Solid};
 
-/// What a ray met.
+/// The body that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
     /// The object.
     Object,
-    /// The board it lies on, or one apart from the measurement volume.
+    /// The board under it, or one apart from the measurement volume.
     Board,
-    /// A hand before the measurement volume.
+    /// A hand in front of the measurement volume.
     Hand,
 }
 
-/// An object, a board and what stands before them, placed before C1; a copy shares the bodies.
+/// An object, a board and what stands in front of them, placed in front of C1; a clone shares the bodies.
 #[derive(Clone)]
 pub struct Scene {
     pub(super) solid: Arc<dyn Solid>,
@@ -38,13 +38,13 @@ pub struct Scene {
 }
 
 pub(super) const MM_PER_M: f64 = 1e3;
-/// Gap between the board and the far side of the volume that an object is made for, metres.
+/// Gap between the board and the far side of the object's usual volume, metres.
 const BOARD_GAP_M: f64 = 0.0005;
 /// Least distance of cameras and projector from a board, millimetres.
 const MIN_SIGHT_MM: f64 = 20.0;
 
 impl Scene {
-    /// An object in the middle of a measurement volume, turned towards the sensor.
+    /// An object in the middle of a measurement volume, facing the sensor.
     #[must_use]
     pub fn from_object(object: Object, board: Board, exact_volume: &MeasurementVolume) -> Self {
         Self::from_shifted_object(object, [0.0; 3], board, exact_volume)
@@ -64,17 +64,17 @@ impl Scene {
         Self { solid: object.solid().into(), board, hand: None, volume_from_object, cam1_from_object }
     }
 
-    /// The same scene with its object, which is `object`, scaled by a factor about its foot.
+    /// The scene with its object, which is `object`, scaled by a factor about its foot.
     pub(super) fn scaled(self, object: Object, factor: f64) -> Self {
         Self { solid: Arc::new(Scaled { solid: object.solid(), factor }), ..self }
     }
 
-    /// The same scene with a hand before the measurement volume.
+    /// The scene with a hand in front of the measurement volume.
     pub(super) fn with_hand(self, exact_volume: &MeasurementVolume) -> Self {
         Self { hand: Some(Arc::new(Hand::before(exact_volume, &self.volume_from_object))), ..self }
     }
 
-    /// Whether cameras and projector look at the front of the board.
+    /// Checks that cameras and projector look at the front of the board.
     pub(super) fn check_board(&self, exact: &Rig) -> Result<(), SimulationError> {
         let Some(board) = &self.board else { return Ok(()) };
         let devices = [Point3::origin(), exact.centre_of_cam2(), exact.centre_of_projector()];
@@ -82,7 +82,7 @@ impl Scene {
         if sight_mm >= MIN_SIGHT_MM { Ok(()) } else { Err(SimulationError::BoardAtDevice { sight_mm }) }
     }
 
-    /// Whether what was met stands apart from the measurement volume, so that nothing of it is ever to be measured.
+    /// Whether a surface stands apart from the measurement volume, so that it is never measured.
     pub(super) fn is_apart(&self, surface: Surface) -> bool {
         match surface {
             Surface::Object => false,
@@ -91,7 +91,7 @@ impl Scene {
         }
     }
 
-    /// Whether what was met is bright enough to be measured.
+    /// Whether a surface is bright enough to be measured.
     pub(super) fn is_bright(&self, surface: Surface) -> bool {
         match surface {
             Surface::Object => true,
@@ -106,7 +106,7 @@ impl Scene {
         &self.cam1_from_object
     }
 
-    /// The same scene elsewhere: the scanner or the object has moved.
+    /// The scene at another pose: the scanner or the object has moved.
     #[must_use]
     pub fn at(self, cam1_from_object: Pose) -> Self {
         Self { cam1_from_object, ..self }
@@ -127,7 +127,7 @@ impl Scene {
         self.cam1_from_object * Point3::from(point / MM_PER_M)
     }
 
-    /// What a place of a surface is made of; boards are matt, and as bright as [`Self::albedo`] says.
+    /// Material at a place of a surface; boards are matt, and [`Self::albedo`] has their brightness.
     pub(super) fn material(&self, surface: Surface, p: &PointMm) -> Material {
         match surface {
             Surface::Object => self.solid.material(p),
@@ -136,7 +136,7 @@ impl Scene {
         }
     }
 
-    /// Share of the light that a place of a surface of a material scatters.
+    /// Albedo at a place of a surface of a material.
     pub(super) fn albedo(&self, surface: Surface, material: Material, p: &PointMm) -> f64 {
         let waves = |scale: f64| (p.x / scale + 0.7).sin() * (p.y / scale * 0.9 - 0.4).sin() + (p.z / scale).cos();
         match surface {
@@ -146,7 +146,7 @@ impl Scene {
     }
 }
 
-/// Where an object lies in a measurement volume at rest: in the middle, turned towards the sensor.
+/// Pose of an object at rest in a measurement volume: in the middle, facing the sensor.
 pub(super) fn volume_from_object(object: Object) -> Pose {
     let board_z_m = object.usual_depth_m() / 2.0 - BOARD_GAP_M;
     let half_turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);

@@ -1,8 +1,8 @@
-//! When a projector shows its patterns, or a free-running camera exposes: a fixed number of times a second.
+//! Schedule of a projector or of a free-running camera: ticks at a fixed rate.
 //!
-//! In: the start and the rate. Out: one tick after another, each reckoned from the start, so that nothing drifts.
+//! In: the start and the rate. Out: the ticks, each computed from the start, so that nothing drifts.
 
-/// How late a tick may be served, nanoseconds: a machine that was held up longer has missed it.
+/// Longest delay of a served tick, nanoseconds: a later one is missed.
 const LATEST_NS: u64 = 100_000_000;
 
 /// Evenly spaced ticks.
@@ -13,17 +13,17 @@ pub struct Schedule {
     next: u64,
 }
 
-/// A tick whose time has come.
+/// A due tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {
     /// Its time.
     pub time_ns: u64,
-    /// Ticks before it that nobody served in time.
+    /// Number of earlier ticks that were not served in time.
     pub missed: u64,
 }
 
 impl Schedule {
-    /// Ticks from `start_ns` on; the rate lies above 0.
+    /// Ticks from `start_ns` on; the rate must be above 0.
     #[must_use]
     pub fn new(start_ns: u64, rate_hz: f64) -> Self {
         Self { start_ns, rate_hz, next: 0 }
@@ -35,14 +35,14 @@ impl Schedule {
         self.time_ns(self.next)
     }
 
-    /// Takes the next tick, if its time has come; to be asked until there is none.
+    /// Takes the next tick if it is due; to be called until there is none.
     pub fn take(&mut self, now_ns: u64) -> Option<Tick> {
         if self.next_ns() > now_ns {
             return None;
         }
         let too_late_ns = now_ns.saturating_sub(LATEST_NS).saturating_sub(self.start_ns);
         let first_in_time = (too_late_ns as f64 * self.rate_hz / 1e9).ceil() as u64;
-        // With very few ticks a second the last one may be older; it is served all the same.
+        // At very low rates the last tick may be older; it is served all the same.
         let latest_due = ((now_ns - self.start_ns) as f64 * self.rate_hz / 1e9) as u64;
         let number = first_in_time.min(latest_due).max(self.next);
         let tick = Tick { time_ns: self.time_ns(number), missed: number - self.next };
@@ -74,10 +74,10 @@ mod tests {
     }
 
     #[test]
-    fn who_was_held_up_misses_ticks_and_is_told_how_many() {
+    fn a_delay_misses_ticks_and_counts_them() {
         let mut schedule = Schedule::new(0, 100.0);
         assert_eq!(schedule.take(0), Some(Tick { time_ns: 0, missed: 0 }));
-        // Half a second later the last tenth of it can still be served.
+        // Half a second later, the ticks of the last tenth of a second can still be served.
         let mut taken = Vec::new();
         while let Some(tick) = schedule.take(500_000_000) {
             taken.push(tick);
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_ticks_are_served_whenever_that_is() {
+    fn ticks_at_low_rates_are_served_however_late() {
         let mut schedule = Schedule::new(0, 0.1);
         schedule.take(0);
         assert_eq!(schedule.take(19_000_000_000), Some(Tick { time_ns: 10_000_000_000, missed: 0 }));

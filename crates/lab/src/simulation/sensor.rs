@@ -1,7 +1,7 @@
-//! The camera's sensor: light to grey levels, with noise.
+//! The camera's sensor: converts light to grey levels, with noise.
 //!
-//! In: a [`View`] and a projected pattern. Out: an image of 8 to 16 bits. Noise is drawn per image and row from a seed, so that
-//! the bytes do not depend on threads.
+//! In: a [`View`] and a projected pattern. Out: an image of 8 to 16 bits. Noise is drawn per image and row from a seed,
+//! so the bytes do not depend on threads.
 
 use std::f64::consts::TAU;
 
@@ -19,18 +19,18 @@ use super::view::View;
 /// Noise of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Electrons at grey level 255; their number scatters by its root.
+    /// Electrons at grey level 255; their number has Poisson noise.
     pub full_well_e: f64,
-    /// Standard deviation of reading a pixel, electrons.
+    /// Standard deviation of the read noise, electrons.
     pub read_noise_e: f64,
-    /// Standard deviation of the sensitivity from pixel to pixel, as a share.
+    /// Standard deviation of the sensitivity from pixel to pixel, relative.
     pub prnu: f64,
 }
 
-/// The levels of noise that have a name.
+/// Named noise levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseLevel {
-    /// Rounding to whole values alone.
+    /// Rounding to whole values only.
     None,
     /// A good industrial camera, well lit.
     Low,
@@ -43,38 +43,38 @@ pub enum NoiseLevel {
 /// Light and electronics of the virtual scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// Grey levels of a white surface that faces the fully lit projector.
+    /// Grey level of a white surface that faces the fully lit projector.
     pub gain: f64,
-    /// Light of the surroundings, as a share of the projector's.
+    /// Ambient light, relative to the projector's.
     pub ambient: f64,
-    /// Light that the projector leaks where it shows black, as a share.
+    /// Light that the projector leaks where it shows black, relative.
     pub leak: f64,
     /// Exponent of the projector: light = brightness^gamma.
     pub gamma: f64,
-    /// Grey level of darkness.
+    /// Grey level without light.
     pub black_level: f64,
-    /// Noise; `None` for rounding alone.
+    /// Noise; `None` for rounding only.
     pub noise: Option<Noise>,
-    /// How values are stored, and so how finely they are rounded.
+    /// Storage format, which determines the rounding.
     pub format: PixelFormat,
 }
 
-/// Which random numbers an image gets.
+/// Seeds of the random numbers of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageSeed {
     /// Seed of the whole sequence.
     pub seed: u64,
-    /// Number of the camera; each has a pattern of sensitivity of its own.
+    /// Number of the camera; each has its own sensitivity pattern.
     pub camera: u8,
     /// Number of the image in the sequence.
     pub image: u32,
 }
 
 impl NoiseLevel {
-    /// All levels, quiet to loud.
+    /// All levels, from low to high noise.
     pub const ALL: [Self; 4] = [Self::None, Self::Low, Self::Normal, Self::High];
 
-    /// Its name on the command line and in files.
+    /// Name on the command line and in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -119,8 +119,8 @@ impl Sensor {
         self.exposure(view, &[], pattern, seed)
     }
 
-    /// The image of a pattern on what moves while the shutter is open: the mean light of the view in the middle of the
-    /// exposure and of the others, all of one camera, before noise and rounding.
+    /// The image of a pattern on a scene that moves while the shutter is open: the mean light of the view in the middle
+    /// of the exposure and of the others, all of one camera, before noise and rounding.
     pub(super) fn exposure(&self, middle: &View, others: &[View], pattern: &Projected, seed: ImageSeed) -> GreyImage {
         let (view, bytes) = (middle, self.format.bytes());
         let mut pixels = vec![0; view.width * view.height * bytes];
@@ -136,7 +136,7 @@ impl Sensor {
         GreyImage { width: view.width, height: view.height, format: self.format, pixels }
     }
 
-    /// The whole value nearest to a grey level.
+    /// The value nearest to a grey level.
     fn value(&self, grey: f64) -> u16 {
         let value = grey / f64::from(self.format.grey_per_value());
         value.round().clamp(0.0, self.format.max_value().into()) as u16
@@ -185,7 +185,7 @@ impl RowNoise {
         let Noise { full_well_e, read_noise_e, prnu } = self.noise;
         let per_electron = 255.0 / full_well_e;
         let electrons = grey / per_electron * (1.0 + prnu * standard_normal(&mut self.fixed));
-        // Hundreds of electrons and more: Poisson's distribution is a normal one.
+        // With hundreds of electrons and more, the Poisson distribution is close to a normal one.
         let sd = (electrons.max(0.0) + read_noise_e * read_noise_e).sqrt();
         (electrons + sd * standard_normal(&mut self.fresh)) * per_electron
     }

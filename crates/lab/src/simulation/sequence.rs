@@ -1,4 +1,4 @@
-//! A whole fringe sequence of the virtual scanner, written as a dataset folder.
+//! A whole fringe sequence of the virtual scanner, as a dataset folder.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -13,8 +13,6 @@ use fringeflow_dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
 };
 
-use crate::evaluation::{egc, limit_to_gray_code};
-
 use super::motion::ObjectMotion;
 use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
@@ -24,24 +22,24 @@ use super::{
     share, truth,
 };
 
-/// What is simulated.
+/// Options of a simulated dataset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulationOptions {
     /// The object.
     pub object: Object,
-    /// What it lies on.
+    /// The board.
     pub board: Board,
     /// The rig, with the seed of its calibration error.
     pub rig: RigOptions,
-    /// Phase shifts a direction, 3 to 16.
+    /// Phase shifts per direction, 3 to 16.
     pub steps: usize,
-    /// Fringes and code along the projector's rows as well.
+    /// Whether there are fringes and code along the projector's rows as well.
     pub two_directions: bool,
-    /// Gray code.
+    /// Whether there is Gray code.
     pub gray: bool,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
-    /// Depth of the images.
+    /// Format of the images.
     pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
@@ -52,7 +50,7 @@ pub struct SimulationOptions {
 }
 
 impl SimulationOptions {
-    /// What `fringeflow simulate` makes of an object unless more is asked.
+    /// The defaults of `fringeflow simulate` for an object.
     #[must_use]
     pub fn usual(object: Object) -> Self {
         Self {
@@ -71,10 +69,10 @@ impl SimulationOptions {
     }
 }
 
-/// What a simulated dataset is like.
+/// Figures of a simulated dataset.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SimulationSummary {
-    /// Images a camera.
+    /// Images per camera.
     pub images: usize,
     /// Pixels of C1 that can be measured.
     pub measurable: usize,
@@ -84,19 +82,19 @@ pub struct SimulationSummary {
     pub expected_false_candidates: f64,
     /// Place of the projector along the base.
     pub projector_place: f64,
-    /// What the calibration error amounts to.
+    /// Size of the calibration error.
     pub calibration_error: CalibrationDeviation,
 }
 
-/// A simulated sequence, rays traced and ready to be imaged.
+/// A simulated sequence: rays are traced, images can be taken.
 #[derive(Clone)]
 pub struct Simulation {
     options: SimulationOptions,
     staging: Staging,
-    /// How the object moves from phase image to phase image.
+    /// Motion of the object from phase image to phase image.
     motion: Option<ObjectMotion>,
     rig: VirtualRig,
-    /// The scene that is true: of an object that moves, in the middle of its phase images.
+    /// The scene of the truth; for a moving object, in the middle of its phase images.
     scene: Scene,
     views: [View; 2],
     truth: RenderedTruth,
@@ -106,15 +104,15 @@ pub struct Simulation {
 pub(super) const UNIT: Unit = Unit::Millimetre;
 
 impl Simulation {
-    /// Builds rig and scene and traces what both cameras see.
+    /// Builds rig and scene, and traces the views of both cameras.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of its range.
+    /// [`SimulationError`]: an option out of range.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
         Self::staged(options, Staging::default())
     }
 
-    /// As [`Self::new`], with the object elsewhere or moving, or a camera half covered.
+    /// As [`Self::new`], with the object shifted or moving, or a camera half covered.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -143,19 +141,19 @@ impl Simulation {
         &self.rig
     }
 
-    /// What each camera sees, C1 first; of an object that moves, in the middle of its phase images.
+    /// The views of the cameras, C1 first; for a moving object, in the middle of its phase images.
     #[must_use]
     pub fn views(&self) -> &[View; 2] {
         &self.views
     }
 
-    /// What is true, points in millimetres; its reference is not limited to what Gray code finds.
+    /// The truth, points in millimetres; its reference is not limited to the points that Gray code finds.
     #[must_use]
     pub fn truth(&self) -> &RenderedTruth {
         &self.truth
     }
 
-    /// What the dataset is like.
+    /// Figures of the dataset.
     #[must_use]
     pub fn summary(&self) -> SimulationSummary {
         let mean_periods = self.rig.mean_periods();
@@ -169,7 +167,7 @@ impl Simulation {
         }
     }
 
-    /// Names and patterns of a camera's images, in the order in which they are taken.
+    /// Kinds and patterns of a camera's images, in the order in which they are taken.
     #[must_use]
     pub fn images(&self) -> Vec<(ImageKind, Projected)> {
         let mut images = self.direction(Direction::Columns, ImageKind::Phase, ImageKind::Gray);
@@ -180,10 +178,21 @@ impl Simulation {
         images
     }
 
-    /// Where the object is in every phase image, if it moves.
+    /// Pose of the object in every phase image, if it moves.
     #[must_use]
     pub fn motion(&self) -> Option<Motion> {
         self.motion.as_ref().map(ObjectMotion::description)
+    }
+
+    /// Whether the sequence has Gray code.
+    pub(crate) fn has_gray_code(&self) -> bool {
+        self.options.gray
+    }
+
+    /// The simulation with the object at rest, where it is in the middle of its phase images; `None` if it does not move.
+    pub(crate) fn at_rest(&self) -> Option<Self> {
+        self.motion.as_ref()?;
+        Some(Self { motion: None, staging: Staging { motion: None, ..self.staging }, ..self.clone() })
     }
 
     fn direction(
@@ -213,22 +222,16 @@ impl Simulation {
         }
     }
 
-    /// Takes all images and writes the dataset folder; `on_image` is told after every image of both cameras.
+    /// Takes all images and writes them to a dataset folder, without the truth. `on_image` is called after every image of
+    /// both cameras.
     ///
-    /// With Gray code, the reference is what EGC finds in these very images and the truth confirms (paper, section 3); of
-    /// an object that moves, what EGC finds where it rests in the middle of its phase images, as the truth does. Gray code
-    /// and all other images but the phase images of the first direction show it at rest there too.
-    ///
-    /// # Errors
-    /// The folder exists and is not empty, or it cannot be written.
-    pub fn write(&self, folder: &Path, on_image: impl FnMut()) -> Result<(), SimulationError> {
-        let writer = self.take(folder, on_image)?;
-        writer.truth(&self.reference_data(&writer, folder)?)?;
-        Ok(writer.finish()?)
-    }
-
-    /// A folder with all but the truth.
-    fn take(&self, folder: &Path, mut on_image: impl FnMut()) -> Result<DatasetWriter, SimulationError> {
+    /// Only the phase images of the first direction show a moving object in motion. All other images show it at rest, in the
+    /// middle of its phase images, where the truth holds.
+    pub(crate) fn write_images(
+        &self,
+        folder: &Path,
+        mut on_image: impl FnMut(),
+    ) -> Result<DatasetWriter, SimulationError> {
         let writer = DatasetWriter::create(folder, &self.description())?;
         writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
         for (number, (kind, pattern)) in self.images().into_iter().enumerate() {
@@ -256,22 +259,6 @@ impl Simulation {
         let seen = |view: View| if self.staging.covered == Some(camera) { view.half_covered() } else { view };
         let (middle, parts) = motion.views(&self.rig, &self.scene, camera, number, options.supersampling)?;
         Ok(sensor.exposure(&seen(middle), &parts.into_iter().map(seen).collect::<Vec<_>>(), pattern, seed))
-    }
-
-    /// The truth with the paper's reference data, for the images in `writer`.
-    fn reference_data(&self, writer: &DatasetWriter, folder: &Path) -> Result<RenderedTruth, SimulationError> {
-        if !self.options.gray {
-            return Ok(self.truth.clone());
-        }
-        let gray = match self.motion {
-            None => egc(&writer.unfinished()?)?,
-            Some(_) => {
-                let staging = Staging { motion: None, ..self.staging };
-                let resting = Self { motion: None, staging, ..self.clone() };
-                egc(&resting.take(folder, || ())?.unfinished()?)?
-            }
-        };
-        Ok(limit_to_gray_code(self.truth.clone(), &gray, self.options.rig.size_px)?)
     }
 
     fn description(&self) -> DatasetDescription {
@@ -308,7 +295,7 @@ impl Simulation {
     }
 }
 
-/// What stands before the cameras.
+/// The scene of the options.
 fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Result<Scene, SimulationError> {
     options.board.check()?;
     let mut scene = Scene::from_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
@@ -319,12 +306,12 @@ fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Re
     Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
 }
 
-/// Phase shifts of `steps` images, spread evenly over a turn, rad.
+/// Phase shifts of `steps` images, evenly over a period, rad.
 pub(super) fn even_shifts_rad(steps: usize) -> Vec<f64> {
     (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
-/// What a description says about how its images were simulated.
+/// Remarks of a description on how its images were simulated.
 pub(super) fn remarks(
     rig: &VirtualRig,
     level: NoiseLevel,

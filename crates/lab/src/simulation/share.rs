@@ -1,6 +1,6 @@
-//! An object as large as it takes to fill a given share of the image of C1.
+//! Scales an object so that it fills a given share of the image of C1.
 //!
-//! In: an object, where it is, and the share. Out: the factor that it is scaled by about its foot on the board.
+//! In: an object, its position, and the share. Out: the factor by which it is scaled about its foot on the board.
 
 use fringeflow::geometry::Pixel;
 use fringeflow_dataset::CameraId;
@@ -14,9 +14,9 @@ use super::{Board, Object, Scene, SimulationError, VirtualRig, check_range};
 /// Least and greatest share, percent.
 const MIN_PERCENT: f64 = 0.1;
 const MAX_PERCENT: f64 = 60.0;
-/// Every so many pixels of a row, and rows, are looked at.
+/// Stride of the tested pixels in a row, and of the rows.
 const STRIDE_PX: usize = 3;
-/// Steps towards the factor, and how near to the share they lead.
+/// Most steps of the search, and its relative tolerance.
 const MAX_STEPS: usize = 12;
 const TOLERANCE: f64 = 0.01;
 
@@ -41,7 +41,7 @@ impl Solid for Scaled {
     }
 }
 
-/// The factor with which an object fills `percent` of the image of C1, boards and hands left away.
+/// The factor with which an object fills `percent` of the image of C1, without boards and hands.
 pub(super) fn factor(
     rig: &VirtualRig,
     object: Object,
@@ -56,13 +56,13 @@ pub(super) fn factor(
         if (found / percent - 1.0).abs() <= TOLERANCE {
             return Ok(factor);
         }
-        // An object that is not seen at all has left the image, small or not.
+        // An object that is not seen at all may still be too small, or outside the image.
         factor *= (percent / found.max(MIN_PERCENT / 10.0)).sqrt().clamp(0.3, 3.0);
     }
     Err(SimulationError::Share { object: object.name(), percent, found_percent: found })
 }
 
-/// How much of the image of C1 a body fills, percent.
+/// Share of the image of C1 that a body fills, percent.
 fn percent_of_image(rig: &VirtualRig, scene: &Scene) -> f64 {
     let eye = Eye::new(&rig.exact, scene, CameraId::Cam1);
     let (width, height) = (rig.exact.cam1.width_px(), rig.exact.cam1.height_px());

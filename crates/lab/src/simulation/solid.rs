@@ -1,8 +1,8 @@
-//! Solids as signed distance functions, and the primitives they are put together from.
+//! Solids as signed distance functions, and their primitives.
 //!
-//! Lengths in millimetres, in the frame of the object: x right, y up, z towards the sensor, the board it lies on at
-//! z = 0. Every function here changes by at most the distance its argument moves (Lipschitz constant 1), so that a ray
-//! may always walk on by the value. Values are exact at the surface and a lower bound of the distance elsewhere.
+//! Lengths in millimetres, in the frame of the object: x right, y up, z towards the sensor, the board at z = 0. Every
+//! function here changes by at most the distance that its argument moves (Lipschitz constant 1), so a ray may always
+//! advance by the value. Values are exact at the surface and a lower bound of the distance elsewhere.
 
 /// A point or direction in the frame of an object, millimetres.
 pub type PointMm = nalgebra::Vector3<f64>;
@@ -12,29 +12,29 @@ pub trait Solid: Send + Sync {
     /// Lower bound of the distance to the surface, negative inside, zero on it.
     fn distance_mm(&self, point: &PointMm) -> f64;
 
-    /// Corners (least, largest) of a box that encloses the body.
+    /// Corners (least, greatest) of a box that encloses the body.
     fn bounds_mm(&self) -> (PointMm, PointMm);
 
-    /// What the surface next to a point is made of.
+    /// Material of the surface next to a point.
     fn material(&self, _point: &PointMm) -> Material {
         Material::PLASTER
     }
 }
 
-/// How a surface sends light back.
+/// Reflection of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
-    /// Share of plaster's albedo.
+    /// Albedo relative to plaster.
     pub brightness: f64,
-    /// Light in the mirrored direction, as a share of what a white surface scatters that faces the projector; 0 for a
-    /// matt surface. From about 1 the camera saturates there.
+    /// Specular reflection, relative to the light scattered by a white surface facing the projector; 0 for a matt
+    /// surface. From about 1 on, the camera saturates there.
     pub gloss: f64,
 }
 
 impl Material {
     /// Bright and matt.
     pub const PLASTER: Self = Self { brightness: 1.0, gloss: 0.0 };
-    /// Matt, an albedo of about 0.1.
+    /// Matt, with an albedo of about 0.1.
     pub const DARK: Self = Self { brightness: 0.125, gloss: 0.0 };
     /// Grey, with highlights that saturate the camera.
     pub const GLOSSY: Self = Self { brightness: 0.45, gloss: 3.0 };
@@ -60,7 +60,7 @@ pub(super) fn rounded_box(p: &PointMm, centre: PointMm, half: PointMm, rounding:
     q.sup(&PointMm::zeros()).norm() + q.max().min(0.0) - rounding
 }
 
-/// Cylinder along z from `low` to `high` with rounded edges, about the z axis through `centre` (x, y).
+/// Cylinder parallel to z from `low` to `high` with rounded edges; `centre` (x, y) is its axis.
 #[inline]
 pub(super) fn cylinder(p: &PointMm, centre: [f64; 2], radius: f64, [low, high]: [f64; 2], rounding: f64) -> f64 {
     let across = length(p.x - centre[0], p.y - centre[1]) - radius + rounding;
@@ -68,7 +68,7 @@ pub(super) fn cylinder(p: &PointMm, centre: [f64; 2], radius: f64, [low, high]: 
     length(across.max(0.0), along.max(0.0)) + across.max(along).min(0.0) - rounding
 }
 
-/// Round bar between two places whose radius changes linearly.
+/// Round bar between two points whose radius changes linearly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RoundCone {
     start: PointMm,
@@ -76,12 +76,12 @@ pub(super) struct RoundCone {
     inverse_length_squared: f64,
     radius: f64,
     growth: f64,
-    /// Makes up for the slope of the field along a bar whose radius changes.
+    /// Compensates the slope of the field along a bar whose radius changes.
     taming: f64,
 }
 
 impl RoundCone {
-    /// The bar from a place and radius to another.
+    /// The bar between two points with their radii.
     #[inline]
     pub(super) fn new((a, radius_a): (PointMm, f64), (b, radius_b): (PointMm, f64)) -> Self {
         let axis = b - a;
@@ -98,7 +98,7 @@ impl RoundCone {
         ((offset - self.axis * share).norm() - self.radius - self.growth * share) * self.taming
     }
 
-    /// Square of the distance from the bar's axis: bars of one radius need one root between them.
+    /// Square of the distance from the bar's axis: bars of equal radius then need only one square root.
     #[inline]
     pub(super) fn axis_distance_squared(&self, p: &PointMm) -> f64 {
         let offset = p - self.start;
@@ -107,13 +107,13 @@ impl RoundCone {
     }
 }
 
-/// [`RoundCone`] for bars known when compiled.
+/// [`RoundCone`] for a single use.
 #[inline]
 pub(super) fn round_cone(p: &PointMm, a: (PointMm, f64), b: (PointMm, f64)) -> f64 {
     RoundCone::new(a, b).distance(p)
 }
 
-/// Length of a vector in a plane; `hypot` guards against overflow, which takes longer than all the rest.
+/// Length of a vector in a plane. `hypot` also guards against overflow, which would take most of the time.
 #[inline]
 pub(super) fn length(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
@@ -126,25 +126,25 @@ pub(super) fn smooth_union(a: f64, b: f64, fillet: f64) -> f64 {
     a.min(b) - overlap * overlap * fillet * 0.25
 }
 
-/// The first body without the second, the edge rounded by about `fillet`.
+/// The body without the tool, the edge rounded by about `fillet`.
 #[inline]
 pub(super) fn smooth_cut(body: f64, tool: f64, fillet: f64) -> f64 {
     -smooth_union(-body, tool, fillet)
 }
 
-/// The first body without the second.
+/// The body without the tool.
 #[inline]
 pub(super) fn cut(body: f64, tool: f64) -> f64 {
     body.max(-tool)
 }
 
-/// Turns a point about the z axis through the origin, which turns a body the other way.
+/// Rotates a point about the z axis through the origin, which rotates a body the other way.
 pub(super) fn turned(p: &PointMm, angle_rad: f64) -> PointMm {
     let (sin, cos) = angle_rad.sin_cos();
     PointMm::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z)
 }
 
-/// Folds the plane into one of `count` equal sectors, the one about the x axis: what is cut there is cut in all.
+/// Folds the plane into one of `count` equal sectors, the one about the x axis: a cut there is a cut in all.
 pub(super) fn sector(p: &PointMm, count: f64) -> PointMm {
     let width = std::f64::consts::TAU / count;
     let angle = p.y.atan2(p.x);

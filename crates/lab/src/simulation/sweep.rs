@@ -1,7 +1,8 @@
-//! How the hand moves the scanner: a closed sweep over the object, with a tremor.
+//! Motion of the hand that holds the scanner: a closed sweep over the object, with a tremor.
 //!
-//! In: a few amplitudes. Out: for each pose of a round, where the object is in the measurement volume compared with its
-//! place at rest; the pose after the last is the first. To the cameras it is the same whether they or the object move.
+//! In: a few amplitudes. Out: for each pose of a round, the pose of the object in the measurement volume relative to
+//! rest; the last pose is followed by the first. For the cameras it makes no difference whether they or the object
+//! move.
 
 use nalgebra::{Translation3, UnitQuaternion};
 
@@ -10,20 +11,21 @@ use fringeflow::geometry::{Point3, Pose, Vector3};
 use super::tremor::{Tremor, angle};
 use super::{SimulationError, check_range};
 
-/// What a sweep is like.
+/// Options of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepOptions {
-    /// Poses of a round, one an image.
+    /// Poses per round, one per image.
     pub poses: usize,
-    /// How far the sweep leads to either side along x, y and z of the measurement volume, millimetres.
+    /// Travel to either side along x, y and z of the measurement volume, millimetres.
     pub travel_mm: [f64; 3],
-    /// How far it turns to either side about x, y and z through the centre of the volume, degrees.
+    /// Rotation to either side about x, y and z through the centre of the volume, degrees.
     pub turn_deg: [f64; 3],
     /// Root mean square of the tremor along each axis, millimetres.
     pub tremor_mm: f64,
     /// Root mean square of the tremor about each axis, degrees.
     pub tremor_deg: f64,
-    /// How far the object may leave the measurement volume, millimetres; what is out there is seen, but not measured.
+    /// Distance by which the object may leave the measurement volume, millimetres; parts outside are seen, but not
+    /// measured.
     pub outside_mm: f64,
     /// Seed of the tremor.
     pub seed: u64,
@@ -44,7 +46,7 @@ impl Default for SweepOptions {
     }
 }
 
-/// How far places of the object move from one image to the next, millimetres.
+/// Displacement of points of the object from one image to the next, millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepSpeed {
     /// Mean over the round.
@@ -60,7 +62,7 @@ pub struct Sweep {
     tremor: Tremor,
 }
 
-/// Bounds of the options: the measurement volume is 100 mm across, what is measured may be larger.
+/// Bounds of the options: the measurement volume is 100 mm wide, the object may be larger.
 const MAX_POSES: f64 = 10_000.0;
 const MAX_TRAVEL_MM: f64 = 200.0;
 const MAX_TURN_DEG: f64 = 45.0;
@@ -70,7 +72,7 @@ impl Sweep {
     /// A sweep from its options.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: an option out of its range.
+    /// [`SimulationError::Range`]: an option out of range.
     pub fn new(options: SweepOptions) -> Result<Self, SimulationError> {
         check_range("the number of poses of the sweep", options.poses as f64, 1.0, MAX_POSES, "")?;
         for travel in options.travel_mm {
@@ -90,7 +92,8 @@ impl Sweep {
         self.options.poses
     }
 
-    /// Where a pose takes what is at rest, in the frame of the measurement volume, metres; poses count on after a round.
+    /// Pose of the object relative to rest, in the frame of the measurement volume, metres; numbers continue after a
+    /// round.
     #[must_use]
     pub fn pose(&self, number: usize) -> Pose {
         let angle = angle(number as f64, 1, self.poses());
@@ -102,7 +105,7 @@ impl Sweep {
         Pose::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
     }
 
-    /// How fast places at rest are moved, frame of the measurement volume, metres.
+    /// Speed of points at rest, frame of the measurement volume, metres.
     #[must_use]
     pub fn speed(&self, places: &[Point3]) -> SweepSpeed {
         let poses: Vec<Pose> = (0..=self.poses()).map(|number| self.pose(number)).collect();
@@ -140,19 +143,19 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_one_moves_by_three_hundredths_of_a_millimetre() {
+    fn the_usual_sweep_moves_by_three_hundredths_of_a_millimetre() {
         let speed = Sweep::new(SweepOptions::default()).unwrap().speed(&places());
         assert!((speed.mean_mm - 0.03).abs() < 0.003 && speed.max_mm < 0.06, "{speed:?}");
     }
 
     #[test]
-    fn another_seed_trembles_otherwise() {
+    fn another_seed_gives_another_tremor() {
         let pose = |seed| Sweep::new(SweepOptions { seed, ..SweepOptions::default() }).unwrap().pose(11);
         assert_ne!(pose(1), pose(2));
     }
 
     #[test]
-    fn what_no_hand_does_is_refused() {
+    fn implausible_sweeps_are_refused() {
         let refused = |options| Sweep::new(options).unwrap_err().to_string();
         let usual = SweepOptions::default();
         assert!(refused(SweepOptions { poses: 0, ..usual }).contains("poses"));

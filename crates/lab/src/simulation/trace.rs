@@ -1,41 +1,41 @@
-//! Where a ray first meets a scene, and whether anything stands between two places.
+//! Intersections of rays with a scene, and visibility between two places.
 //!
-//! Sphere tracing: a ray walks on by the value of the distance field, which never skips a surface, with a least step
-//! that carries it across; the crossing is then refined. Hits are true to [`TOLERANCE_MM`] along the ray; only a
-//! sliver thinner than [`MIN_STEP_MM`] along the ray could be missed.
+//! Sphere tracing: a ray advances by the value of the distance field, which never skips a surface, with a least step
+//! that carries it across; the crossing is then refined. Hits are accurate to [`TOLERANCE_MM`] along the ray; only a
+//! sliver thinner than [`MIN_STEP_MM`] along the ray can be missed.
 
 use super::scene::{Scene, Surface};
 use super::solid::{PointMm, Solid};
 
-/// The search for a crossing ends at this interval along the ray, millimetres.
+/// Length of the interval along the ray at which the refinement ends, millimetres.
 const TOLERANCE_MM: f64 = 1e-6;
-/// Steps of that search; it starts from micrometres and gains a factor of ten and more a step.
+/// Most steps of the refinement; it starts from micrometres and gains a factor of ten or more per step.
 const MAX_REFINEMENTS: usize = 40;
 /// Least step along the ray, millimetres.
 const MIN_STEP_MM: f64 = 4e-3;
-/// How much longer than the free distance a step is tried.
+/// Factor by which a trial step exceeds the free distance.
 const STRETCH: f64 = 1.7;
-/// Shadow rays start this far above their surface, millimetres: well above the tolerance of hits, well below anything
-/// that a camera resolves.
+/// Height above their surface at which shadow rays start, millimetres: well above the tolerance of hits, well below the
+/// resolution of a camera.
 const LIFT_MM: f64 = 1e-3;
-/// Span of the differences that a normal is taken from, millimetres.
+/// Step of the differences for a normal, millimetres.
 const NORMAL_SPAN_MM: f64 = 1e-4;
 
-/// A ray in the frame of the object; the direction has length 1, the parameter is millimetres.
+/// A ray in the frame of the object; its direction has length 1, its parameter is in millimetres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
     pub(super) origin: PointMm,
     pub(super) direction: PointMm,
 }
 
-/// A place where a ray meets the scene.
+/// An intersection of a ray with the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The place, frame of the object, millimetres.
     pub point: PointMm,
     /// Outward normal of the surface, length 1.
     pub normal: PointMm,
-    /// What was met.
+    /// The body that was hit.
     pub surface: Surface,
 }
 
@@ -45,7 +45,7 @@ impl Ray {
     }
 }
 
-/// The first place where a ray meets the scene.
+/// The first intersection of a ray with the scene.
 pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     let board = scene.board.and_then(|board| Some((board.distance(ray)?, board.normal)));
     let mut nearest = board.map(|(distance, normal)| Hit { point: ray.at(distance), normal, surface: Surface::Board });
@@ -60,17 +60,17 @@ pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     nearest
 }
 
-/// What a scene has beside its board.
+/// The bodies of a scene besides its board.
 fn bodies(scene: &Scene) -> impl Iterator<Item = (&dyn Solid, Surface)> {
     let hand = scene.hand.as_deref().map(|hand| (hand as &dyn Solid, Surface::Hand));
     std::iter::once((scene.solid.as_ref(), Surface::Object)).chain(hand)
 }
 
-/// Half the stretch of a ray that is searched for a hit expected there, millimetres.
+/// Half the interval of a ray that is searched for an expected hit, millimetres.
 const REACH_MM: f64 = 0.02;
 
-/// The place where a ray meets the scene, if that is where it meets the tangential plane of a hit close by; nothing else
-/// may stand in its way.
+/// The intersection of a ray with the scene, if it lies where the ray meets the tangential plane of a nearby hit. The
+/// caller makes sure that nothing else is in its way.
 pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     if close.surface == Surface::Board {
         let distance = scene.board?.distance(ray)?;
@@ -86,7 +86,7 @@ pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     Some(Hit { point, normal: normal(solid, &point), surface })
 }
 
-/// Whether light gets from a place of a surface to `target` (a centre of projection).
+/// Whether light reaches `target` (a centre of projection) from a place of a surface.
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;
     let way = target - origin;
@@ -98,10 +98,10 @@ pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     bodies(scene).all(|(solid, _)| march(solid, &ray, length).is_none())
 }
 
-/// Distance along the ray at which it enters the body before `limit`.
+/// Distance along the ray at which it enters the body, before `limit`.
 ///
-/// Steps are stretched; a stretched step counts only where the balls of free space at both its ends meet (Keinert et
-/// al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
+/// Steps are stretched. A stretched step is accepted only where the balls of free space at both its ends meet (Keinert
+/// et al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
 fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
     let (near, far) = clip(solid.bounds_mm(), ray)?;
     let (mut outside, end) = (near.max(0.0), far.min(limit));
@@ -125,8 +125,8 @@ fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
     None
 }
 
-/// Where the field changes its sign between a place outside and one inside, each with its value (regula falsi in the
-/// form of Dowell and Jarratt 1971, "Illinois").
+/// Sign change of the field between a place outside and one inside, each with its value (regula falsi in the Illinois
+/// form, Dowell and Jarratt 1971).
 fn crossing(solid: &dyn Solid, ray: &Ray, outside: (f64, f64), inside: (f64, f64)) -> f64 {
     let ((mut a, mut at_a), (mut b, mut at_b)) = (outside, inside);
     for _ in 0..MAX_REFINEMENTS {
@@ -138,17 +138,18 @@ fn crossing(solid: &dyn Solid, ray: &Ray, outside: (f64, f64), inside: (f64, f64
         if at_c.abs() <= TOLERANCE_MM / 10.0 {
             return c;
         }
-        // An end that stays twice loses half its weight, so that both ends close in.
+        // An end that stays twice loses half its weight, so both ends converge.
         if at_c < 0.0 { (b, at_b, at_a) = (c, at_c, at_a / 2.0) } else { (a, at_a, at_b) = (c, at_c, at_b / 2.0) }
     }
     a
 }
 
-/// Part of a ray inside a box.
+/// Interval of a ray inside a box.
 fn clip((min, max): (PointMm, PointMm), ray: &Ray) -> Option<(f64, f64)> {
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for i in 0..3 {
-        // A ray parallel to a side gets infinities of the right signs; on the side itself NaN, which min and max drop.
+        // A ray parallel to a side gets infinities of the right signs; on the side itself it gets NaN, which min and
+        // max ignore.
         let (a, b) = ((min[i] - ray.origin[i]) / ray.direction[i], (max[i] - ray.origin[i]) / ray.direction[i]);
         near = near.max(a.min(b));
         far = far.min(a.max(b));
@@ -158,7 +159,7 @@ fn clip((min, max): (PointMm, PointMm), ray: &Ray) -> Option<(f64, f64)> {
 
 /// Outward normal from differences of the field.
 fn normal(solid: &dyn Solid, point: &PointMm) -> PointMm {
-    // Four corners of a tetrahedron: as good as six points along the axes.
+    // Four corners of a tetrahedron are as accurate as six points along the axes.
     let corners = [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]].map(PointMm::from);
     let gradient: PointMm = corners.iter().map(|c| c * solid.distance_mm(&(point + c * NORMAL_SPAN_MM))).sum();
     gradient.try_normalize(0.0).unwrap_or_else(PointMm::z)
@@ -169,7 +170,7 @@ mod tests {
     use super::*;
     use crate::simulation::solid::{ellipsoid, sphere};
 
-    /// A ball, by its exact field or by one that is far too low beside it.
+    /// A ball, with its exact field or one far below it.
     struct Ball {
         low: bool,
     }
@@ -187,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn hits_are_true_to_a_fraction_of_a_micrometre() {
+    fn hits_are_accurate_to_a_fraction_of_a_micrometre() {
         for low in [false, true] {
             let ball = Ball { low };
             for i in 0..2000 {
@@ -198,7 +199,7 @@ mod tests {
                 let along = to_centre.dot(&ray.direction);
                 let inside = 100.0 - (to_centre.norm_squared() - along * along);
                 let found = march(&ball, &ray, f64::INFINITY);
-                // Rays that cut off less than a sliver may miss.
+                // Rays through less than a sliver may miss.
                 if inside > 1e-3 {
                     let error = found.unwrap() - (along - inside.sqrt());
                     assert!(error.abs() < 1e-5, "{error} mm off");

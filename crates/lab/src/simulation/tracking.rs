@@ -1,36 +1,38 @@
-//! What a pixel sees, from what it saw a moment before: a fifth of the work of tracing it anew.
+//! Tracks what a pixel sees from the pose before: a fifth of the work of tracing it anew.
 //!
-//! In: the view of a pose, and the scene moved a little. Out: the new hit, as exact as a traced one, where what has moved to the
-//! pixel lay with its neighbours on one smooth, evenly lit piece of surface. Edges of bodies and shadows move along with it, by less
-//! than a pixel more or less, so nothing can have come in between; everywhere else rays are traced as ever.
+//! In: the view of a pose, and the scene after a small motion. Out: the new hit, as exact as a traced one, where the
+//! place that moved to the pixel belongs to a smooth, evenly lit piece of surface together with its neighbours. Edges
+//! of bodies and shadows move along with it, to within a pixel, so nothing can have come in between. All other rays are
+//! traced as usual.
 
 use fringeflow::geometry::Pixel;
 
 use super::trace::hit_near;
 use super::view::{Centre, Eye, Sample, View};
 
-/// Furthest that a place may be from the middle of the pixel that it has moved to, pixels: half its diagonal.
+/// Largest distance of a place from the centre of the pixel that it moved to, pixels: half its diagonal.
 const MAX_OFF_PX: f64 = 0.72;
-/// How far around it a surface must be smooth where it has hardly moved, and where it came from another pixel: edges of what lies
-/// nearer or farther move otherwise.
+/// Radius of the neighbourhood in which a surface must be smooth: where it has hardly moved, and where it came from
+/// another pixel. Edges of nearer or farther surfaces move differently.
 const NEAR_PX: usize = 1;
 const FAR_PX: usize = 2;
-/// Looks for the place that has moved to a pixel.
-const LOOKS: usize = 3;
-/// Furthest that neighbours may lie off the tangential plane, millimetres.
+/// Most steps of the search for the place that moved to a pixel.
+const MAX_STEPS: usize = 3;
+/// Largest distance of neighbours from the tangential plane, millimetres.
 const MAX_BEND_MM: f64 = 0.05;
 /// Least cosine between the normals of neighbours.
 const MIN_NORMAL_COSINE: f64 = 0.95;
-/// Least cosines between the normal and the ways to camera and light: flatter places may come to hide others.
+/// Least cosines between the normal and the directions to camera and light: at flatter angles, other surfaces may
+/// become hidden.
 const MIN_COSINE: f64 = 0.15;
 
 impl Eye<'_> {
-    /// What the middle of a pixel sees; `None` where only tracing can tell.
+    /// What the centre of a pixel sees; `None` where only tracing can tell.
     pub(super) fn centre_after(&self, before: &View, u: usize, v: usize) -> Option<Centre> {
         let pixel = Pixel::new(u as f64, v as f64);
         let [from_u, from_v] = self.pixel_before(before, &pixel)?;
-        let has_come = [from_u, from_v] != [u, v];
-        let reach_px = if has_come { FAR_PX } else { NEAR_PX };
+        let has_moved = [from_u, from_v] != [u, v];
+        let reach_px = if has_moved { FAR_PX } else { NEAR_PX };
         let seen = smooth_centre(before, [from_u, from_v], reach_px)?;
         let ray = self.ray(&pixel)?;
         let hit = hit_near(self.scene, &ray, &seen.hit?)?;
@@ -39,8 +41,8 @@ impl Eye<'_> {
         }
         let sample = if seen.sample.reflected > 0.0 {
             self.lit_sample(&hit)?
-        } else if has_come && self.projector_pixel(&hit).is_some() {
-            // The border of the projected image does not move along with what it lights.
+        } else if has_moved && self.projector_pixel(&hit).is_some() {
+            // The border of the projected image does not move along with the surface.
             return None;
         } else {
             self.dark_sample(&hit)
@@ -48,10 +50,10 @@ impl Eye<'_> {
         Some(Centre { hit: Some(hit), sample })
     }
 
-    /// The pixel that saw before what has moved to a pixel.
+    /// The pixel that saw before what has moved to this pixel.
     fn pixel_before(&self, before: &View, pixel: &Pixel) -> Option<[usize; 2]> {
         let mut place = *pixel;
-        for _ in 0..LOOKS {
+        for _ in 0..MAX_STEPS {
             let inside = |x: f64, length: usize| (x >= 0.0 && x < length as f64).then_some(x as usize);
             let (u, v) = (inside(place.x, before.width)?, inside(place.y, before.height)?);
             let off = self.project(&before.centres[v * before.width + u].hit?.point)? - pixel;
@@ -63,7 +65,8 @@ impl Eye<'_> {
         None
     }
 
-    /// How a place is lit that nothing hides from the projector.
+    /// The light at a place that nothing hides from the projector; `None` at flat angles or outside the projected
+    /// image.
     fn lit_sample(&self, hit: &super::Hit) -> Option<Sample> {
         let way = self.light - hit.point;
         if way.dot(&hit.normal) < MIN_COSINE * way.norm() {
@@ -74,7 +77,7 @@ impl Eye<'_> {
     }
 }
 
-/// What the middle of a pixel saw, if it and its neighbours belong to one smooth, evenly lit piece of surface.
+/// What the centre of a pixel saw, if it and its neighbours belong to one smooth, evenly lit piece of surface.
 fn smooth_centre(before: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<Centre> {
     if u < reach_px || v < reach_px || u + reach_px >= before.width || v + reach_px >= before.height {
         return None;
@@ -105,9 +108,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn images_are_those_of_rays_traced_anew() {
+    fn tracked_images_equal_traced_ones() {
         let gentle = SweepOptions::default();
-        // Four pixels an image.
+        // Four pixels per image.
         let fast = SweepOptions {
             poses: 64,
             travel_mm: [9.0, 8.0, 1.0],

@@ -1,6 +1,6 @@
-//! The tremor of a hand: a sum of waves whose periods last from ten to forty images, at sixty images a second 1.5 to 6 Hz.
+//! The tremor of a hand: a sum of waves with periods of ten to forty images, at sixty images per second 1.5 to 6 Hz.
 //!
-//! In: its strength and a seed. Out: shift and turn at any moment of a round, which ends as it began.
+//! In: its strength and a seed. Out: translation and rotation at any time of a round, which ends as it began.
 
 use std::f64::consts::TAU;
 
@@ -15,13 +15,13 @@ use super::{SimulationError, check_range};
 /// A tremor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tremor {
-    /// Images of a round.
+    /// Images per round.
     round: usize,
     /// Waves along x, y, z (metres) and about them (rad).
     waves: [Vec<Wave>; 6],
 }
 
-/// One wave: periods a round, and its parts of cosine and sine.
+/// One wave: periods per round, and its cosine and sine amplitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Wave {
     periods: usize,
@@ -35,8 +35,8 @@ const PERIOD_IMAGES: [usize; 2] = [10, 40];
 const MAX_RMS: f64 = 1.0;
 
 impl Tremor {
-    /// A tremor of root mean square `rms_mm` along each axis and `rms_deg` about it; rounds of `round` images, one at
-    /// least.
+    /// A tremor with the root mean square `rms_mm` along each axis and `rms_deg` about it. A round has `round` images,
+    /// at least one.
     pub(super) fn new(round: usize, rms_mm: f64, rms_deg: f64, seed: u64) -> Result<Self, SimulationError> {
         check_range("the tremor", rms_mm, 0.0, MAX_RMS, "mm")?;
         check_range("the turning tremor", rms_deg, 0.0, MAX_RMS, "°")?;
@@ -48,27 +48,27 @@ impl Tremor {
         Ok(Self { round, waves })
     }
 
-    /// Shift (metres) and turn (axis times angle, rad) at a moment, counted in images.
+    /// Translation (metres) and rotation (axis times angle, rad) at a time, counted in images.
     pub(super) fn at(&self, image: f64) -> [Vector3; 2] {
         let value = |axis: usize| {
-            let of_wave = |wave: &Wave| {
+            let wave_value = |wave: &Wave| {
                 let angle = angle(image, wave.periods, self.round);
                 wave.cosine * angle.cos() + wave.sine * angle.sin()
             };
-            self.waves[axis].iter().map(of_wave).sum()
+            self.waves[axis].iter().map(wave_value).sum()
         };
         [0, 3].map(|first| Vector3::from_fn(|i, _| value(first + i)))
     }
 }
 
-/// Angle of a wave of `periods` a round at a moment, rad; reduced before it is rounded, so that every round has the same
-/// bits.
+/// Angle of a wave with `periods` per round at a time, rad. It is reduced before rounding, so that every round has the
+/// same bits.
 pub(super) fn angle(image: f64, periods: usize, round: usize) -> f64 {
     let round = round as f64;
     TAU * (image.rem_euclid(round) * periods as f64).rem_euclid(round) / round
 }
 
-/// Waves of random parts, together of root mean square `rms`.
+/// Waves with random amplitudes and a joint root mean square of `rms`.
 fn waves(rng: &mut ChaCha8Rng, round: usize, rms: f64) -> Vec<Wave> {
     let [shortest, longest] = PERIOD_IMAGES;
     let fewest = round.div_ceil(longest);
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_has_its_strength_and_its_band() {
+    fn it_has_its_strength_and_frequency_band() {
         let round = 240;
         let tremor = Tremor::new(round, 0.2, 0.1, 1).unwrap();
         for axis in 0..3 {

@@ -1,4 +1,4 @@
-//! What is true of a simulated dataset, per pixel of C1.
+//! The truth of a simulated dataset, per pixel of C1.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use super::scene::Scene;
 use super::trace::is_free;
 use super::view::{Centre, View};
 
-/// What is true at the middle of one pixel of C1.
+/// The truth at the centre of one pixel of C1.
 #[derive(Clone, Copy, Debug)]
 struct PixelTruth {
     cam2_px: [f32; 2],
@@ -21,7 +21,7 @@ struct PixelTruth {
     bright: bool,
 }
 
-/// A pixel whose ray meets nothing.
+/// A pixel whose ray hits nothing.
 const NOTHING: PixelTruth = PixelTruth {
     cam2_px: [f32::NAN; 2],
     point: [0.0; 3],
@@ -31,14 +31,14 @@ const NOTHING: PixelTruth = PixelTruth {
     bright: false,
 };
 
-/// The truth of a scene that `rig` looks at and whose view from C1 is `view`; points in `unit`, frame of the exact C1.
+/// The truth of a scene seen by `rig`, where `view` is the view of C1; points in `unit`, frame of the exact C1.
 ///
-/// `reference` is everything measurable that is bright enough to be: not a dark board. What Gray code finds of it, only
-/// images can tell. A board or a hand apart from the volume is seen and lit, but never in it.
+/// `reference` holds all measurable points that are bright enough: not those of a dark board. Only images can show
+/// which of them Gray code finds. A board or a hand apart from the volume is seen and lit, but never in the volume.
 #[must_use]
 pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());
-    let at = |centre: &Centre| {
+    let pixel_truth = |centre: &Centre| {
         let hit = centre.hit?;
         let point = scene.to_cam1(&hit.point);
         let seen = rig.project_cam2(&point)?;
@@ -51,7 +51,7 @@ pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, 
             bright: scene.is_bright(hit.surface),
         })
     };
-    let pixels: Vec<_> = view.centres.par_iter().map(|centre| at(centre).unwrap_or(NOTHING)).collect();
+    let pixels: Vec<_> = view.centres.par_iter().map(|centre| pixel_truth(centre).unwrap_or(NOTHING)).collect();
     let measurable: Vec<bool> = pixels.iter().map(|p| p.seen_by_cam2 && p.lit && p.in_volume).collect();
     RenderedTruth {
         cam2_px: pixels.iter().map(|p| p.cam2_px).collect(),

@@ -1,8 +1,8 @@
-//! What a camera sees of a scene, before any pattern is chosen: where P lights each place and how bright it is there.
+//! The view of a camera, before any pattern is chosen: the projector pixel that lights each place, and its brightness.
 //!
-//! In: a rig, a scene, a camera. Out: a [`View`], from which the image of any pattern is arithmetic alone. Rays are
-//! traced once per pixel; only where a pixel and its neighbours do not belong to one smooth, evenly lit piece of surface
-//! are its sub-samples traced too, elsewhere they follow linearly.
+//! In: a rig, a scene, a camera. Out: a [`View`], from which the image of any pattern is computed without tracing. One
+//! ray is traced per pixel. Where a pixel and its neighbours do not belong to one smooth, evenly lit piece of surface,
+//! its samples are traced as well; elsewhere they are interpolated linearly.
 
 use rayon::prelude::*;
 
@@ -14,53 +14,53 @@ use super::solid::{Material, PointMm};
 use super::trace::{Hit, Ray, first_hit, is_free};
 use super::{SimulationError, check_range};
 
-/// A place on a surface as a camera sees it.
+/// A place on a surface as seen by a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Column of the projector pixel that lights it, pixels; 0 in shadow.
     pub column_px: f32,
     /// Row of that projector pixel, pixels; 0 in shadow.
     pub row_px: f32,
-    /// Share of the projector's light that comes back: albedo, cosine, gloss and distance; 0 in shadow.
+    /// Reflected share of the projector's light: albedo, cosine, gloss and distance; 0 in shadow.
     pub reflected: f32,
-    /// Share of the ambient light that comes back; 0 where there is nothing.
+    /// Reflected share of the ambient light; 0 without a surface.
     pub albedo: f32,
 }
 
-/// What one camera sees, row by row, `per_pixel` samples a pixel.
+/// The view of one camera, row by row, with `per_pixel` samples per pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub per_pixel: usize,
     /// `width · height · per_pixel` samples.
     pub samples: Vec<Sample>,
-    /// What the middle of every pixel sees.
+    /// What the centre of every pixel sees.
     pub centres: Vec<Centre>,
 }
 
-/// What the middle of a pixel sees.
+/// What the centre of a pixel sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Centre {
-    /// The place that its ray meets; `None` where there is nothing.
+    /// The place that its ray hits; `None` without a surface.
     pub hit: Option<Hit>,
-    /// How it is lit.
+    /// Its light.
     pub sample: Sample,
 }
 
-/// Differences to the linear course up to which samples are not traced: projector pixels, and share of the brightness.
+/// Largest deviations from linearity for samples that are not traced: projector pixels, and share of the brightness.
 const SMOOTH_PX: f32 = 0.08;
 const SMOOTH_SHARE: f32 = 0.1;
-/// How sharp highlights are: the exponent of Blinn's lobe, half as bright 9° off the mirrored direction.
+/// Exponent of Blinn's lobe: a highlight has half its brightness 9° off the mirrored direction.
 const GLOSS_EXPONENT: i32 = 60;
 /// Distance from the projector at which `reflected` is albedo times cosine, metres.
 const REFERENCE_DISTANCE_M: f64 = 0.31;
 
 impl View {
-    /// Traces what a camera of `rig` sees, `supersampling`² samples a pixel.
+    /// Traces the view of a camera of `rig`, with `supersampling`² samples per pixel.
     ///
     /// # Errors
     /// [`SimulationError::Range`]: more than 4 × 4 samples, or none.
@@ -68,7 +68,8 @@ impl View {
         Self::trace_with(None, rig, scene, camera, supersampling)
     }
 
-    /// As [`Self::trace`], with less work: `before` is what the same camera saw of the same scene, moved a little.
+    /// As [`Self::trace`] with less work: `before` is the view of the same camera on the same scene before a small
+    /// motion.
     ///
     /// # Errors
     /// As [`Self::trace`].
@@ -143,17 +144,18 @@ impl<'a> Eye<'a> {
         Some(Ray { origin: self.centre, direction: self.scene.direction_to_object(&direction.normalize()) })
     }
 
-    /// Where the camera sees a place.
+    /// The image of a place in the camera.
     pub(super) fn project(&self, point: &PointMm) -> Option<Pixel> {
         self.camera.project(&self.cam1_from_camera.inverse_transform_point(&self.scene.to_cam1(point)))
     }
 
-    /// What the ray of an image point meets first.
+    /// The first hit of the ray of an image point.
     fn hit(&self, pixel: &Pixel) -> Option<Hit> {
         first_hit(self.scene, &self.ray(pixel)?)
     }
 
-    /// The projector pixel that lights a place unless something stands between; `None` beside the display.
+    /// The projector pixel whose ray leads to a place, whether or not something stands between; `None` outside the
+    /// display.
     pub(super) fn projector_pixel(&self, hit: &Hit) -> Option<Pixel> {
         let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
         self.rig.projector.sees(&pixel).then_some(pixel)
@@ -188,7 +190,7 @@ impl<'a> Eye<'a> {
         Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, albedo: albedo as f32 }
     }
 
-    /// What a glossy place mirrors towards the camera (Blinn 1977).
+    /// Light mirrored towards the camera by a glossy place (Blinn 1977).
     fn highlight(&self, hit: &Hit, material: Material) -> f64 {
         if material.gloss == 0.0 {
             return 0.0;
@@ -199,7 +201,7 @@ impl<'a> Eye<'a> {
     }
 }
 
-/// The middles of all pixels, traced.
+/// The centres of all pixels.
 struct Centres {
     width: usize,
     height: usize,
@@ -218,7 +220,7 @@ impl Centres {
         Self { width, height, pixels }
     }
 
-    /// The samples of one pixel: linear where it is part of a smooth piece, traced elsewhere.
+    /// Fills the samples of one pixel: interpolated where it is part of a smooth piece, traced elsewhere.
     fn fill(&self, eye: &Eye<'_>, u: usize, v: usize, side: usize, samples: &mut [Sample]) {
         let slopes = self.slopes(u, v);
         for (i, sample) in samples.iter_mut().enumerate() {
@@ -235,7 +237,7 @@ impl Centres {
         }
     }
 
-    /// The linear course about a pixel, if it and its neighbours follow one.
+    /// The slopes at a pixel, if it and its neighbours are linear.
     fn slopes(&self, u: usize, v: usize) -> Option<Slopes> {
         if u == 0 || v == 0 || u + 1 >= self.width || v + 1 >= self.height {
             return None;
@@ -259,7 +261,7 @@ impl Centres {
     }
 }
 
-/// The linear course of a sample about the middle of its pixel.
+/// Linear course of a sample about the centre of its pixel.
 struct Slopes {
     middle: Sample,
     along_u: Sample,

@@ -1,7 +1,8 @@
-//! A scanner that is moved by hand over an object: everything about it but its images.
+//! A scanner that is moved by hand over an object, without its images.
 //!
 //! In: options. Out: the texts that a real scanner's configuration would hold ([`SetupText`]: calibration, pattern,
-//! measurement volume), and for every pose of the sweep the scene before the cameras. Cheap to make: no ray is traced.
+//! measurement volume), and the scene in front of the cameras for every pose of the sweep. It is cheap: no ray is
+//! traced.
 
 use fringeflow::calibration::calibration_text;
 use fringeflow::geometry::{Point3, Pose, Readout};
@@ -16,12 +17,12 @@ use super::sequence::{UNIT, even_shifts_rad, remarks};
 use super::sweep::{Sweep, SweepOptions, SweepSpeed};
 use super::{Board, RigOptions, Scene, SimulationError, VirtualRig, check_range};
 
-/// What a virtual scanner is like.
+/// Options of a virtual scanner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VirtualScannerOptions {
     /// The object.
     pub object: Object,
-    /// What it lies on.
+    /// The board.
     pub board: Board,
     /// The rig, with the seed of its calibration error.
     pub rig: RigOptions,
@@ -29,22 +30,22 @@ pub struct VirtualScannerOptions {
     pub steps: usize,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
-    /// Depth of the images.
+    /// Format of the images.
     pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
-    /// Light that the cameras gather, in that of a usual exposure, which saturates nothing.
+    /// Exposure, relative to the usual one, which saturates nothing.
     pub exposure: f64,
     /// Samples along each side of a pixel, 1 to 4.
     pub supersampling: usize,
-    /// How it is moved.
+    /// The motion of the scanner.
     pub sweep: SweepOptions,
     /// Seed of the noise.
     pub seed: u64,
 }
 
 impl VirtualScannerOptions {
-    /// What a scanner is like unless more is asked.
+    /// The default options for an object.
     #[must_use]
     pub fn usual(object: Object) -> Self {
         Self {
@@ -75,8 +76,8 @@ impl VirtualScanner {
     /// Builds the rig and plans the sweep.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of its range, poses that are no multiple of the steps, or a sweep that leads
-    /// out of the measurement volume.
+    /// [`SimulationError`]: an option out of range, a number of poses that is no multiple of the steps, or a sweep that
+    /// leaves the measurement volume.
     pub fn new(options: VirtualScannerOptions) -> Result<Self, SimulationError> {
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
@@ -94,7 +95,7 @@ impl VirtualScanner {
         Ok(scanner)
     }
 
-    /// What it was made from.
+    /// Its options.
     #[must_use]
     pub fn options(&self) -> &VirtualScannerOptions {
         &self.options
@@ -106,19 +107,19 @@ impl VirtualScanner {
         &self.rig
     }
 
-    /// How it is moved.
+    /// Its sweep.
     #[must_use]
     pub fn sweep(&self) -> &Sweep {
         &self.sweep
     }
 
-    /// How fast the object moves before the cameras.
+    /// Speed of the object in front of the cameras.
     #[must_use]
     pub fn speed(&self) -> SweepSpeed {
         self.sweep.speed(&self.corners())
     }
 
-    /// The texts that describe rig, pattern and measurement volume, as they stand beside the images of a real scanner.
+    /// The texts that describe rig, pattern and measurement volume, as a real scanner has them.
     ///
     /// # Errors
     /// [`SimulationError::Description`].
@@ -127,7 +128,7 @@ impl VirtualScanner {
         Ok(SetupText { description, calibration: calibration_text(&self.rig.calibrated, UNIT) })
     }
 
-    /// What beside the calibration tells of it.
+    /// Its description, apart from the calibration.
     #[must_use]
     pub fn description(&self) -> DatasetDescription {
         let options = &self.options;
@@ -157,7 +158,7 @@ impl VirtualScanner {
         self.rig.exact_volume.cam1_from_volume() * self.sweep.pose(pose) * resting
     }
 
-    /// The scene at rest; [`Scene::at`] takes it to a pose.
+    /// The scene at rest; [`Scene::at`] moves it to a pose.
     pub(super) fn scene(&self) -> Scene {
         Scene::from_object(self.options.object, self.options.board, &self.rig.exact_volume)
     }
@@ -169,18 +170,18 @@ impl VirtualScanner {
         Sensor { format: options.format, gain: usual.gain * options.exposure, ..usual }
     }
 
-    /// What the projector shows in a step.
+    /// The pattern of a step.
     pub(super) fn projected(&self, step: usize) -> Projected {
         let shift_rad = even_shifts_rad(self.options.steps).get(step).copied().unwrap_or_default();
         Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad }
     }
 
-    /// Random numbers of the image of a pose.
+    /// Seeds of the image at a pose.
     pub(super) fn image_seed(&self, camera: CameraId, pose: usize) -> ImageSeed {
         ImageSeed { seed: self.options.seed, camera: camera as u8, image: pose as u32 }
     }
 
-    /// Corners of the box about the object at rest, frame of the measurement volume, metres.
+    /// Corners of the object's box at rest, frame of the measurement volume, metres.
     fn corners(&self) -> [Point3; 8] {
         let object = self.options.object;
         let (least, most) = object.solid().bounds_mm();
@@ -221,7 +222,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn its_texts_are_read_back_as_the_rig_they_tell_of() {
+    fn its_texts_are_parsed_back_to_its_rig() {
         let scanner = VirtualScanner::new(options()).unwrap();
         let setup = Setup::parse(scanner.setup_text().unwrap(), None).unwrap();
         let rig = scanner.rig();
@@ -236,7 +237,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_keeps_every_object_but_the_tray_in_its_volume() {
+    fn the_usual_sweep_keeps_every_object_in_its_volume_except_the_tray() {
         for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
             let rig = RigOptions { depth_m: object.usual_depth_m(), ..options().rig };
             let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
@@ -246,22 +247,22 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_long_sweep_may_lead_parts_of_the_object_out_of_the_volume() {
+    fn a_long_sweep_may_move_parts_of_the_object_out_of_the_volume() {
         let object = Object::Elephant;
         let (travel_mm, turn_deg) = ([20.0, 8.0, 3.0], [10.0, 15.0, 8.0]);
         let sweep = SweepOptions { poses: 1200, travel_mm, turn_deg, ..SweepOptions::default() };
         let rig = RigOptions { depth_m: 0.06, ..options().rig };
-        let of = |outside_mm| {
+        let scanner = |outside_mm| {
             let sweep = SweepOptions { outside_mm, ..sweep };
             VirtualScanner::new(VirtualScannerOptions { object, rig, sweep, ..options() })
         };
-        let speed = of(20.0).unwrap().speed();
+        let speed = scanner(20.0).unwrap().speed();
         assert!((0.1..0.25).contains(&speed.max_mm), "{speed:?}");
-        assert!(of(5.0).unwrap_err().to_string().contains("outside_mm"));
+        assert!(scanner(5.0).unwrap_err().to_string().contains("outside_mm"));
     }
 
     #[test]
-    fn the_object_is_where_the_sweep_takes_it() {
+    fn the_object_is_where_the_sweep_moves_it() {
         let scanner = VirtualScanner::new(options()).unwrap();
         let resting = scanner.scene();
         let centre = Point3::new(0.0, 0.0, 0.01);
@@ -272,7 +273,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_sweep_that_cannot_be_is_refused() {
+    fn invalid_sweeps_are_refused() {
         let usual = options();
         let refused = |options| VirtualScanner::new(options).unwrap_err().to_string();
         let poses = |poses| VirtualScannerOptions { sweep: SweepOptions { poses, ..usual.sweep }, ..usual };

@@ -1,7 +1,7 @@
 //! The clutter: bodies at many heights that hide and shadow each other, some dark, some glossy.
 //!
-//! The cameras look along directions 10° to the left and right, the projector from 10° above: what rises 20 mm hides and
-//! shadows strips of 4 mm. A rod and a grid stand clear of what lies below them.
+//! The cameras look along directions 10° to the left and right, the projector from 10° above: a body 20 mm high hides
+//! and shadows strips of 4 mm. A rod and a grid hover above the bodies below them.
 
 use crate::simulation::solid::{
     Material, PointMm, RoundCone, Solid, cut, cylinder, length, rounded_box, sphere, turned,
@@ -10,10 +10,10 @@ use crate::simulation::solid::{
 /// Twelve bodies on 84 mm × 62 mm, up to 23 mm high.
 pub(super) struct Clutter;
 
-/// Distance from a body.
+/// Distance field of a body.
 type Field = fn(&PointMm) -> f64;
 
-/// The bodies and what they are made of.
+/// The bodies and their materials.
 const BODIES: [(Field, Material); 12] = [
     (tower, Material::PLASTER),
     (glossy_ball, Material::GLOSSY),
@@ -75,7 +75,7 @@ fn dark_post(p: &PointMm) -> f64 {
     cylinder(p, [-17.0, -6.0], 2.5, [0.0, 22.0], 0.3)
 }
 
-/// A ring that lies free above the board.
+/// A ring that hovers above the board.
 fn ring(p: &PointMm) -> f64 {
     length(length(p.x + 6.0, p.y + 19.0) - 8.0, p.z - 13.0) - 1.5
 }
@@ -89,7 +89,7 @@ fn low_block(p: &PointMm) -> f64 {
     rounded_box(p, PointMm::new(30.0, -20.0, 3.0), PointMm::new(6.0, 5.0, 3.0), 0.0)
 }
 
-/// Gap between the middles of the grid's bars, and where its middle is, millimetres.
+/// Distance between the axes of the grid's bars, and the centre of the grid, millimetres.
 const GRID_PITCH: f64 = 5.0;
 const GRID_PLACE: [f64; 3] = [26.0, -17.0, 16.0];
 

@@ -1,4 +1,4 @@
-//! The crumbs: small discs at any height, each on its own. No region is large enough to show its order by itself.
+//! The crumbs: small separate discs at random heights. No region is large enough to show its fringe order by itself.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -7,25 +7,25 @@ use crate::simulation::solid::{PointMm, Solid, cylinder};
 
 /// Discs of 1.4 mm diameter, 50 pixels of C1 where an image has 640 × 512.
 pub(super) struct Crumbs {
-    /// Middles of the discs that lie in a cell of the (x, y) plane or one beside it, row by row.
+    /// Centres of the discs in a cell of the (x, y) plane or a neighbouring cell, row by row.
     near: Vec<Vec<PointMm>>,
 }
 
 const COUNT: usize = 120;
-/// Places that are tried for them.
+/// Number of random places tried.
 const DRAWS: usize = 40_000;
 const RADIUS: f64 = 0.7;
 const HALF_THICKNESS: f64 = 0.4;
 const ROUNDING: f64 = 0.2;
-/// Half the extent of the places, and the lowest and highest of them, millimetres.
+/// Half the extent of the places, and their lowest and highest, millimetres.
 const HALF_EXTENT: [f64; 2] = [41.0, 31.0];
 const HEIGHTS: [f64; 2] = [1.0, 22.5];
 /// Centres of C1, C2 and P of the usual rig, in the frame of the object.
 const EYES: [[f64; 3]; 3] = [[-55.0, 0.0, 317.0], [55.0, -2.0, 316.0], [-13.0, 55.0, 320.0]];
-/// Least distance between the lines of sight of two crumbs halfway up, millimetres.
+/// Least distance between the lines of sight to two crumbs at half height, millimetres.
 const APART: f64 = 2.3;
 
-/// Side of a cell, millimetres; what lies in no neighbouring cell is at least [`FAR`] away.
+/// Side of a cell, millimetres; discs in no neighbouring cell are at least [`FAR`] away.
 const CELL: f64 = 6.0;
 const FAR: f64 = CELL - RADIUS;
 const CELLS: [usize; 2] = [15, 12];
@@ -45,7 +45,7 @@ impl Crumbs {
     }
 }
 
-/// Places that no other crumb hides from the cameras or shadows, as the usual rig stands.
+/// Places that no other crumb hides from the cameras or shadows, for the usual rig.
 fn places() -> Vec<PointMm> {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut within = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
@@ -67,7 +67,7 @@ fn places() -> Vec<PointMm> {
     found.into_iter().map(|(place, _)| place).collect()
 }
 
-/// Where the line of sight from an eye to a place passes the height halfway up.
+/// Intersection of the line of sight from an eye to a place with the plane at half height.
 fn halfway_up(eye: &PointMm, place: &PointMm) -> [f64; 2] {
     let share = (eye.z - (HEIGHTS[0] + HEIGHTS[1]) / 2.0) / (eye.z - place.z);
     let point = eye + (place - eye) * share;

@@ -8,7 +8,7 @@ pub(super) struct Elephant {
     legs: [RoundCone; 4],
 }
 
-/// Places and radii along the trunk, from head to tip.
+/// Positions and radii along the trunk, from head to tip.
 const TRUNK: [[f64; 4]; 5] = [
     [-25.0, 8.0, 11.0, 5.4],
     [-31.5, 0.0, 11.0, 4.3],
@@ -24,11 +24,11 @@ const LEGS: [[f64; 6]; 4] = [
     [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
 ];
 
-/// Fillet between head and body: what is further from the head than that is as if it had none.
+/// Fillet between head and body; farther than this from the head, the body is unaffected by it.
 const NECK_FILLET: f64 = 3.0;
 
-/// Less than the field of the head has anywhere, from a ball about head, trunk and tusk: fields of ellipsoids rise by four fifths of
-/// the distance, and fillets take 2 mm at most.
+/// Lower bound of the field of the head, from a ball about head, trunk and tusk: fields of ellipsoids rise by at least
+/// four fifths of the distance, and fillets subtract at most 2 mm.
 fn least_of_head(p: &PointMm) -> f64 {
     0.8 * sphere(p, PointMm::new(-24.0, 1.5, 12.0), 27.0) - 2.5
 }
@@ -80,7 +80,7 @@ fn trunk_of_body(p: &PointMm) -> f64 {
     smooth_union(chest, rump, 4.0)
 }
 
-/// The left ear: a flap that stands off the head, hollowed.
+/// The left ear: a hollowed flap that stands off the head.
 fn ear(p: &PointMm) -> f64 {
     let flap = ellipsoid(p, PointMm::new(-11.0, 11.0, 18.8), PointMm::new(8.5, 11.0, 2.9));
     let hollow = ellipsoid(p, PointMm::new(-11.5, 11.0, 23.0), PointMm::new(6.5, 9.0, 2.6));
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_head_is_no_nearer_than_its_ball_says() {
+    fn the_field_of_the_head_stays_above_its_bound() {
         let elephant = Elephant::new();
         for i in 0..40_000_u32 {
             let at = |step: f64| 200.0 * (step * f64::from(i)).fract() - 100.0;

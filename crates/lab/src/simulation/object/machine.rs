@@ -8,8 +8,8 @@ pub(super) struct Machine;
 const TEETH: f64 = 28.0;
 const BORES: f64 = 6.0;
 const BORE_RING: f64 = 23.0;
-/// Within this radius lies all that is cut away for the shaft, beyond the next all that the gaps of the teeth take, and
-/// the bores lie within the last of their ring, millimetres.
+/// All cuts for the shaft lie within the first radius, all gaps of the teeth beyond the second, and the bores within
+/// the third of their ring, millimetres.
 const SHAFT_REACH: f64 = 8.7;
 const GAP_REACH: f64 = 33.9;
 const BORE_REACH: f64 = 4.5;
@@ -20,7 +20,7 @@ impl Solid for Machine {
         let collar = cylinder(point, [0.0, 0.0], 15.5, [0.0, 13.0], 0.8);
         let hub = cylinder(point, [0.0, 0.0], 11.0, [0.0, 21.0], 0.6);
         let body = smooth_union(smooth_union(flange, collar, 2.0), hub, 1.5);
-        // Where a tool does not reach, it changes nothing.
+        // Tools that do not reach the point change nothing.
         let radius = length(point.x, point.y);
         if radius < SHAFT_REACH {
             cut(body, shaft(point))

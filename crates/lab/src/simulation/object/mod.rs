@@ -1,5 +1,5 @@
-//! What is measured, built as signed distance functions: the seven objects of the paper (section 3), sizes as there, and
-//! scenes that are harder than these.
+//! The measured objects as signed distance functions: the seven objects of the paper (section 3) in their sizes, and
+//! harder scenes.
 
 mod clutter;
 mod crumbs;
@@ -17,7 +17,7 @@ use std::str::FromStr;
 use super::solid::Solid;
 use super::{Board, SimulationError};
 
-/// Which object is measured.
+/// The measured object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object {
     /// A slightly tilted plate.
@@ -38,7 +38,7 @@ pub enum Object {
     Clutter,
     /// Separate pieces of about 50 pixels each, at any height.
     Crumbs,
-    /// A tray of pieces, three times as large as what the cameras see.
+    /// A tray of pieces, three times as large as the field of view.
     Tray,
 }
 
@@ -61,14 +61,14 @@ impl Object {
         Self::Tray,
     ];
 
-    /// The names of all objects, for who may choose one.
+    /// The names of all objects, for messages.
     #[must_use]
     pub fn names() -> String {
         let [names @ .., last] = Self::ALL.map(Self::name);
         format!("{} or {last}", names.join(", "))
     }
 
-    /// Its name on the command line and in files.
+    /// Name on the command line and in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -85,7 +85,7 @@ impl Object {
         }
     }
 
-    /// Depth of the measurement volume that the object is made for, metres.
+    /// Depth of the measurement volume for this object, metres.
     #[must_use]
     pub fn usual_depth_m(self) -> f64 {
         match self {
@@ -94,7 +94,7 @@ impl Object {
         }
     }
 
-    /// What it lies on where nothing else is asked for.
+    /// Its default board.
     #[must_use]
     pub fn usual_board(self) -> Board {
         match self {
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
     use crate::simulation::solid::PointMm;
 
-    /// Points spread evenly over a box a quarter larger than the object's.
+    /// Points distributed evenly over a box a quarter larger than the object's.
     fn points(solid: &dyn Solid, count: usize) -> impl Iterator<Item = PointMm> {
         let (min, max) = solid.bounds_mm();
         let (centre, half) = ((min + max) / 2.0, (max - min) / 1.6);
@@ -154,7 +154,7 @@ mod tests {
                 for step in [PointMm::x(), PointMm::y(), PointMm::z(), PointMm::new(0.6, -0.48, 0.64)] {
                     let step = step * 0.01;
                     let (here, there) = (solid.distance_mm(&p), solid.distance_mm(&(p + step)));
-                    // Inside, where rays never walk, the sign alone counts.
+                    // Inside, where rays never march, only the sign counts.
                     let change = if here > 0.0 && there > 0.0 { (there - here).abs() } else { 0.0 };
                     assert!(change <= step.norm() * (1.0 + 1e-9), "{object:?} at {p}: {}", change / step.norm());
                 }
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn every_object_lies_in_its_box_and_its_box_in_the_volume_but_the_tray() {
+    fn every_object_lies_in_its_box_and_its_box_in_the_volume_except_the_tray() {
         for object in Object::ALL {
             let solid = object.solid();
             let (min, max) = solid.bounds_mm();
@@ -172,7 +172,7 @@ mod tests {
             assert!(min.z >= 0.0 && max.z < object.usual_depth_m() * 1e3 - 0.5, "{object:?}: {min} {max}");
             let inside = |p: &PointMm| (0..3).all(|i| p[i] >= min[i] && p[i] <= max[i]);
             for p in points(solid.as_ref(), 20_000) {
-                // The board hides what reaches below it.
+                // The board hides everything below it.
                 assert!(inside(&p) || p.z < 0.0 || solid.distance_mm(&p) > 0.0, "{object:?} at {p}");
             }
         }

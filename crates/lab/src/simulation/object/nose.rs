@@ -7,7 +7,7 @@ pub(super) struct Nose;
 
 impl Solid for Nose {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        // The face is alike left and right.
+        // The face is symmetric.
         let p = PointMm::new(point.x.abs(), point.y, point.z);
         let nostril = ellipsoid(&p, PointMm::new(4.4, -11.2, 27.2), PointMm::new(2.2, 2.6, 3.6));
         smooth_cut(smooth_union(face(&p), nose(&p), 6.0), nostril, 1.0)

@@ -6,7 +6,7 @@ use crate::simulation::solid::{PointMm, Solid, rounded_box};
 pub(super) struct Prism {
     /// Outward normals of the prism's two upper faces.
     faces: [PointMm; 2],
-    /// Sine and cosine of the prism's turn on the board.
+    /// Sine and cosine of the prism's rotation on the board.
     turn: [f64; 2],
 }
 
@@ -15,7 +15,7 @@ const RIDGE: f64 = 20.0;
 const HALF_WIDTH: f64 = 18.0;
 /// Half of the prism's length.
 const HALF_LENGTH: f64 = 29.0;
-/// Turn of the prism on the board, rad.
+/// Rotation of the prism on the board, rad.
 const TURN_RAD: f64 = 0.30;
 /// Centre of the prism on the board.
 const PLACE: [f64; 2] = [-12.0, 0.0];

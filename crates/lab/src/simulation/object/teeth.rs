@@ -4,7 +4,7 @@ use crate::simulation::solid::{PointMm, RoundCone, Solid, rounded_box, smooth_cu
 
 /// An arch of 66 mm × 54 mm, 22 mm high.
 pub(super) struct Teeth {
-    /// Bars of the alveolar ridge that the teeth stand in.
+    /// Bars of the alveolar ridge that holds the teeth.
     ridge: Vec<RoundCone>,
     teeth: Vec<Tooth>,
 }
@@ -17,7 +17,7 @@ struct Tooth {
     /// Half width along the arch, half depth across.
     half: [f64; 2],
     cusps: &'static [[f64; 2]],
-    /// Runs along the arch between the inner and the outer cusps.
+    /// Along the arch, between the inner and the outer cusps.
     fissure: RoundCone,
 }
 
@@ -39,16 +39,16 @@ const INCISOR: &[[f64; 2]] = &[];
 
 /// Half width of the arch at its back and its length, millimetres.
 const ARCH: [f64; 2] = [26.0, 43.0];
-/// How much the arch is shifted towards the viewer's lower side.
+/// Position of the back of the arch along y.
 const BACK_Y: f64 = -21.0;
 /// Height at which the crowns leave the ridge.
 const RIDGE_Z: f64 = 8.5;
 const RIDGE_RADIUS: f64 = 6.2;
-/// Radius of a ball about the middle of its crown and root that encloses a tooth, and the depth of that middle below the
-/// top of the crown, millimetres.
+/// Radius of a ball that encloses a tooth, about the middle of its crown and root, and the depth of that middle below
+/// the top of the crown, millimetres.
 const REACH: f64 = 11.0;
 const MIDDLE_DEPTH: f64 = 6.0;
-/// Distances are not told apart beyond this: it is more than any fillet reaches, and saves most of the work.
+/// Distances are clamped to this value: no fillet reaches farther, and it saves most of the work.
 const FAR: f64 = 2.5;
 
 impl Teeth {
@@ -78,7 +78,7 @@ impl Teeth {
     }
 }
 
-/// Places on the ridge and directions along the arch: teeth side by side on half an ellipse.
+/// Positions on the ridge and directions along the arch: teeth side by side on half an ellipse.
 fn places() -> Vec<(PointMm, f64)> {
     let steps = 4000;
     let on_arch = |i: usize| {

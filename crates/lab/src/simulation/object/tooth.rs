@@ -5,7 +5,7 @@ use crate::simulation::solid::{PointMm, Solid, cylinder, ellipsoid, round_cone, 
 /// A molar of 15 mm × 13.5 mm, 20 mm high with its socle.
 pub(super) struct Tooth;
 
-/// Place (x, y), height of the centre and radius of the cusps.
+/// Position (x, y), height of the centre and radius of the cusps.
 const CUSPS: [[f64; 4]; 4] =
     [[-3.4, 3.0, 15.0, 3.6], [3.6, 2.8, 14.6, 3.4], [-3.3, -2.9, 14.5, 3.5], [3.5, -2.8, 14.2, 3.3]];
 

@@ -1,4 +1,4 @@
-//! A tray of pieces: larger than what the cameras see, so that a scanner must be led over it.
+//! A tray of pieces, larger than the field of view, so that a scanner must be moved over it.
 
 use crate::simulation::solid::{PointMm, Solid, length, smooth_union, sphere};
 
@@ -9,18 +9,18 @@ pub(super) struct Tray {
     pieces: [Piece; 4],
 }
 
-/// A body in its place.
+/// A body at its place.
 struct Piece {
     solid: Box<dyn Solid>,
-    /// Where its own frame lies on the tray, and sine and cosine of its turn there.
+    /// Position of its frame on the tray, and sine and cosine of its rotation there.
     place: [f64; 2],
     turn: [f64; 2],
-    /// Box about it in its own frame: middle and half its size.
+    /// Box about it in its own frame: centre and half its size.
     middle: PointMm,
     half: PointMm,
 }
 
-/// What lies where (x, y), turned by how much.
+/// The pieces, their positions (x, y) and rotations.
 const PIECES: [(Object, [f64; 2], f64); 4] = [
     (Object::Elephant, [-41.0, 34.0], 0.1),
     (Object::Machine, [43.0, 34.0], 0.3),
@@ -31,7 +31,7 @@ const PIECES: [(Object, [f64; 2], f64); 4] = [
 const HALF: [f64; 2] = [84.0, 72.0];
 const HEIGHT: f64 = 5.0;
 const DOME_RADIUS: f64 = 1500.0;
-/// Fillet between plate and pieces: what is further away than that changes nothing.
+/// Fillet between plate and pieces; pieces farther away have no effect.
 const FILLET: f64 = 0.8;
 
 impl Tray {
@@ -47,7 +47,7 @@ impl Tray {
 }
 
 impl Piece {
-    /// Distance from it, where that is below `limit`; else a lower bound that is no less.
+    /// Distance from it where that is below `limit`; otherwise a lower bound of at least `limit`.
     fn distance(&self, point: &PointMm, limit: f64) -> f64 {
         let [x, y] = [point.x - self.place[0], point.y - self.place[1]];
         let [sin, cos] = self.turn;
@@ -62,7 +62,7 @@ impl Piece {
     }
 }
 
-/// The plate: a block cut out of a ball.
+/// The plate: a block intersected with a ball.
 fn plate(p: &PointMm) -> f64 {
     let beside = |along: f64, half: f64| along.abs() - half;
     let block = beside(p.x, HALF[0]).max(beside(p.y, HALF[1]));

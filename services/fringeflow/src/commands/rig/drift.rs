@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
         calibration: &args.calibration,
         images,
         windows_available: cycles.len(),
-        summary: Summary::of(&windows, configuration.health.of(Quantity::Drift)),
+        summary: Summary::of(&windows, configuration.health.limits_of(Quantity::Drift)),
         windows,
         unmeasured: measured.without,
     };

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use fringeflow_dataset::{CameraId, check_new};
+use fringeflow_lab::evaluation::SimulatedDatasetError;
 use fringeflow_lab::simulation::{
     Arrangement, Board, BoardApart, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError,
     SimulationOptions, SimulationSummary, Staging,
@@ -281,6 +282,15 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     let wrong = || format!("{text:?} is not a size; write width and height as in 640x512");
     let (width, height) = text.split_once('x').ok_or_else(wrong)?;
     Ok([width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?])
+}
+
+impl From<SimulatedDatasetError> for Failure {
+    fn from(error: SimulatedDatasetError) -> Self {
+        match error {
+            SimulatedDatasetError::Simulation(error) => error.into(),
+            error => Self::unusable(error),
+        }
+    }
 }
 
 impl From<SimulationError> for Failure {

@@ -1,0 +1,52 @@
+//! Simulated datasets with the paper's reference data (section 3).
+
+use std::path::Path;
+
+use fringeflow_dataset::{DatasetWriter, RenderedTruth};
+
+use crate::simulation::{Simulation, SimulationError};
+
+use super::{EvaluationError, GrayReferenceError, egc, limit_to_gray_code};
+
+/// Why a simulated dataset could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum SimulatedDatasetError {
+    /// The images or the folder.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// The Gray-code reference cannot measure the images.
+    #[error("the reference data of the simulated images: {0}")]
+    Gray(#[from] GrayReferenceError),
+    /// The Gray-code reference does not belong to the truth.
+    #[error("the reference data of the simulated images: {0}")]
+    Reference(#[from] EvaluationError),
+}
+
+impl Simulation {
+    /// Takes all images and writes the dataset folder; `on_image` is called after every image of both cameras.
+    ///
+    /// With Gray code, the references are the points that EGC finds in these very images and the truth confirms (paper,
+    /// section 3). For a moving object, EGC measures images of the object at rest in the middle of its phase images, where
+    /// the truth holds.
+    ///
+    /// # Errors
+    /// The folder exists and is not empty, it cannot be written, or the Gray-code reference fails.
+    pub fn write(&self, folder: &Path, on_image: impl FnMut()) -> Result<(), SimulatedDatasetError> {
+        let writer = self.write_images(folder, on_image)?;
+        let truth = self.reference_data(&writer, folder)?;
+        writer.truth(&truth).and_then(|()| writer.finish()).map_err(SimulationError::from)?;
+        Ok(())
+    }
+
+    /// The truth with the paper's reference data, for the images in `writer`.
+    fn reference_data(&self, writer: &DatasetWriter, folder: &Path) -> Result<RenderedTruth, SimulatedDatasetError> {
+        if !self.has_gray_code() {
+            return Ok(self.truth().clone());
+        }
+        // The images at rest live in a temporary folder, which is removed with its writer.
+        let resting = self.at_rest().map(|resting| resting.write_images(folder, || ())).transpose()?;
+        let dataset = resting.as_ref().unwrap_or(writer).unfinished().map_err(SimulationError::from)?;
+        let [cam1, _] = self.views();
+        Ok(limit_to_gray_code(self.truth().clone(), &egc(&dataset)?, [cam1.width, cam1.height])?)
+    }
+}
