@@ -27,6 +27,7 @@ pub(super) fn check(bytes: &[u8], expected_px: [usize; 2]) -> Result<usize, Unpa
     if parts.marker()? != START {
         return Err(broken("it does not begin with FF D8"));
     }
+    // Tables and exactly one sequential frame, in any order, up to the only scan.
     let mut components = None;
     loop {
         match parts.marker()? {

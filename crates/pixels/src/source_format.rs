@@ -70,68 +70,52 @@ pub struct UnknownFormat {
     pub name: String,
 }
 
+/// Every format with the four letters of its V4L2 code, at the index of its discriminant. [`SourceFormat::Y16BigEndian`] has
+/// those of [`SourceFormat::Y16`]; its code has the highest bit set.
+const TABLE: [(SourceFormat, &[u8; 4]); 27] = [
+    (SourceFormat::Grey, b"GREY"),
+    (SourceFormat::Y10, b"Y10 "),
+    (SourceFormat::Y12, b"Y12 "),
+    (SourceFormat::Y14, b"Y14 "),
+    (SourceFormat::Y16, b"Y16 "),
+    (SourceFormat::Y16BigEndian, b"Y16 "),
+    (SourceFormat::Y012, b"Y012"),
+    (SourceFormat::Y10BitPacked, b"Y10B"),
+    (SourceFormat::Y10Mipi, b"Y10P"),
+    (SourceFormat::Y12Mipi, b"Y12P"),
+    (SourceFormat::Y14Mipi, b"Y14P"),
+    (SourceFormat::Yuyv, b"YUYV"),
+    (SourceFormat::Yvyu, b"YVYU"),
+    (SourceFormat::Uyvy, b"UYVY"),
+    (SourceFormat::Vyuy, b"VYUY"),
+    (SourceFormat::Nv12, b"NV12"),
+    (SourceFormat::Nv21, b"NV21"),
+    (SourceFormat::Nv16, b"NV16"),
+    (SourceFormat::Nv61, b"NV61"),
+    (SourceFormat::Yuv420, b"YU12"),
+    (SourceFormat::Yvu420, b"YV12"),
+    (SourceFormat::Nv12Planes, b"NM12"),
+    (SourceFormat::Nv21Planes, b"NM21"),
+    (SourceFormat::Yuv420Planes, b"YM12"),
+    (SourceFormat::Yvu420Planes, b"YM21"),
+    (SourceFormat::Mjpeg, b"MJPG"),
+    (SourceFormat::Jpeg, b"JPEG"),
+];
+
 impl SourceFormat {
     /// All formats.
-    pub const ALL: [Self; 27] = [
-        Self::Grey,
-        Self::Y10,
-        Self::Y12,
-        Self::Y14,
-        Self::Y16,
-        Self::Y16BigEndian,
-        Self::Y012,
-        Self::Y10BitPacked,
-        Self::Y10Mipi,
-        Self::Y12Mipi,
-        Self::Y14Mipi,
-        Self::Yuyv,
-        Self::Yvyu,
-        Self::Uyvy,
-        Self::Vyuy,
-        Self::Nv12,
-        Self::Nv21,
-        Self::Nv16,
-        Self::Nv61,
-        Self::Yuv420,
-        Self::Yvu420,
-        Self::Nv12Planes,
-        Self::Nv21Planes,
-        Self::Yuv420Planes,
-        Self::Yvu420Planes,
-        Self::Mjpeg,
-        Self::Jpeg,
-    ];
-
-    /// The four letters of the V4L2 code. [`Self::Y16BigEndian`] has those of [`Self::Y16`], with the highest bit set.
-    fn letters(self) -> &'static [u8; 4] {
-        match self {
-            Self::Grey => b"GREY",
-            Self::Y10 => b"Y10 ",
-            Self::Y12 => b"Y12 ",
-            Self::Y14 => b"Y14 ",
-            Self::Y16 | Self::Y16BigEndian => b"Y16 ",
-            Self::Y012 => b"Y012",
-            Self::Y10BitPacked => b"Y10B",
-            Self::Y10Mipi => b"Y10P",
-            Self::Y12Mipi => b"Y12P",
-            Self::Y14Mipi => b"Y14P",
-            Self::Yuyv => b"YUYV",
-            Self::Yvyu => b"YVYU",
-            Self::Uyvy => b"UYVY",
-            Self::Vyuy => b"VYUY",
-            Self::Nv12 => b"NV12",
-            Self::Nv21 => b"NV21",
-            Self::Nv16 => b"NV16",
-            Self::Nv61 => b"NV61",
-            Self::Yuv420 => b"YU12",
-            Self::Yvu420 => b"YV12",
-            Self::Nv12Planes => b"NM12",
-            Self::Nv21Planes => b"NM21",
-            Self::Yuv420Planes => b"YM12",
-            Self::Yvu420Planes => b"YM21",
-            Self::Mjpeg => b"MJPG",
-            Self::Jpeg => b"JPEG",
+    pub const ALL: [Self; TABLE.len()] = {
+        let mut all = [Self::Grey; TABLE.len()];
+        let mut index = 0;
+        while index < all.len() {
+            all[index] = TABLE[index].0;
+            index += 1;
         }
+        all
+    };
+
+    fn letters(self) -> &'static [u8; 4] {
+        TABLE[self as usize].1
     }
 
     /// V4L2's code.

@@ -56,6 +56,7 @@ impl Losses {
         let no_window = missing_pairs + pairs_without_pattern + conflicts + broken;
         // With a stride, only some of the pairs complete a window that is wanted.
         let (wanted, unwanted) = (windowing.passed, windowing.dropped(DropReason::BetweenWindows));
+        // Rounded up: any loss costs at least one cloud.
         let windows = (no_window * wanted.max(1)).div_ceil((wanted + unwanted).max(1));
         Self {
             images: reported.max(unpaired),

@@ -53,6 +53,13 @@ impl TestInstance {
     fn node(&self) -> Node {
         Node::open(&self.instance, "test").unwrap()
     }
+
+    /// Both ends of a channel, on one node.
+    fn cam1_ports(&self) -> (Publisher<FrameHeader, [u8]>, Subscriber<FrameHeader, [u8]>) {
+        let node = self.node();
+        let subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
+        (Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap(), subscriber)
+    }
 }
 
 fn frame(number: u64) -> FrameHeader {
@@ -94,9 +101,7 @@ fn header_and_payload_arrive_as_sent() {
 #[test]
 fn a_full_buffer_drops_its_oldest_message() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     (0..100).for_each(|number| publisher.send(&frame(number), &[0; 16]).unwrap());
     assert_eq!(numbers(&mut subscriber), (84..100).collect::<Vec<_>>());
 }
@@ -104,9 +109,7 @@ fn a_full_buffer_drops_its_oldest_message() {
 #[test]
 fn three_windows_and_four_can_be_held_and_do_not_change() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     let mut held = Vec::new();
     for number in 0..16 {
         publisher.send(&frame(number), &[number as u8; 4096]).unwrap();
@@ -141,9 +144,7 @@ fn a_new_subscriber_receives_the_state() {
 #[test]
 fn a_payload_that_does_not_fit_is_refused_and_the_next_one_passes() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     let error = publisher.send(&frame(0), &[0; 4097]).unwrap_err();
     assert!(matches!(error, TransportError::TooLong { len: 4097, limit: 4096, .. }), "{error}");
     publisher.send(&frame(1), &[0; 4096]).unwrap();
@@ -245,9 +246,7 @@ fn messages_flow_again_after_the_files_of_the_instance_were_removed() {
 #[test]
 fn ports_find_each_other_when_only_the_description_of_the_channel_was_removed() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     fs::remove_dir_all(place.instance.root().join("services")).unwrap();
     assert!(subscriber.ensure_connected(0).unwrap());
     assert!(publisher.ensure_connected().unwrap());
@@ -325,9 +324,7 @@ fn other_programs_are_given_the_folder_and_the_prefix() {
 #[test]
 fn a_silent_subscriber_opens_again_but_keeps_held_messages() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     publisher.send(&frame(1), &[1; 4096]).unwrap();
     let held = subscriber.receive().unwrap().unwrap();
     let second_ns = 1_000_000_000;
@@ -342,9 +339,7 @@ fn a_silent_subscriber_opens_again_but_keeps_held_messages() {
 #[test]
 fn waiting_messages_are_no_silence() {
     let place = TestInstance::new();
-    let node = place.node();
-    let mut subscriber = Subscriber::open(&node, CAM1_FRAME, &SIZES).unwrap();
-    let mut publisher = Publisher::open(&node, CAM1_FRAME, &SIZES).unwrap();
+    let (mut publisher, mut subscriber) = place.cam1_ports();
     assert!(!subscriber.ensure_connected(0).unwrap());
     publisher.send(&frame(1), &[1]).unwrap();
     assert!(!subscriber.ensure_connected(3_600_000_000_000).unwrap());

@@ -27,7 +27,7 @@ pub use against_cloud::against_cloud;
 pub use against_rendered::{Frames, against_rendered, against_rendered_at};
 pub use gray_reference::{GrayReferenceError, cgc, egc};
 pub use paper_tables::{
-    CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, PaperRow, SequenceRow, completeness_table, sequence_table,
+    CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, SequenceRow, completeness_table, sequence_table,
 };
 pub use reference_data::limit_to_gray_code;
 pub use reliability::{ReliabilityPart, reliability};

@@ -101,6 +101,7 @@ impl Scene<'_> {
         let [seen_before, seen_after] = [before, after].map(|place| self.frames.cam1_from_volume * place);
         let rig = &self.setup.rig;
         let in_cam1 = rig.cam1.project(&seen_before).filter(|seen| (seen - centre).norm() <= MAX_OFF_PX)?;
+        // Only the difference of two projections counts: the calibration error cancels.
         let cam1_px = centre + (rig.cam1.project(&seen_after)? - in_cam1);
         let cam2_px = cam2_px + (rig.project_cam2(&seen_after)? - rig.project_cam2(&seen_before)?);
         Some(Moved { cam1_px, cam2_px, point: exact * after })
@@ -146,6 +147,7 @@ struct Slope {
 impl Surface<'_> {
     /// For every pixel, the pixel whose point it sees now.
     fn nearest(&self) -> Vec<Option<usize>> {
+        // First the depth of the front surface of each pixel, then the nearest point of that surface.
         let mut front_m = vec![f64::INFINITY; self.moved.len()];
         self.for_each_in_reach(|target, _, moved, _| front_m[target] = moved.point.z.min(front_m[target]));
         let mut nearest = vec![(f64::INFINITY, None); self.moved.len()];

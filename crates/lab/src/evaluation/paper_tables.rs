@@ -2,26 +2,11 @@
 
 use std::fmt::Write as _;
 
-/// A row of Table 1 of the paper: completeness of the method without Gray code.
+/// A row of Table 1: completeness of the method without Gray code.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperRow {
-    /// The measured object.
-    pub object: &'static str,
-    /// Completeness, percent.
-    pub com_percent: f64,
-    /// Completeness error, percent.
-    pub miss_percent: f64,
-    /// False positive correspondences, percent.
-    pub fpc_percent: f64,
-    /// Number of reference points.
-    pub points: u64,
-}
-
-/// One of our rows for Table 1, matched to the paper's row by `object`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CompletenessRow {
-    /// The measured object.
-    pub object: String,
+pub struct CompletenessRow<'a> {
+    /// The measured object, by its name in the paper.
+    pub object: &'a str,
     /// Completeness, percent.
     pub com_percent: f64,
     /// Completeness error, percent.
@@ -42,7 +27,7 @@ pub struct SequenceRow {
 }
 
 /// Table 1 of the paper.
-pub const PAPER_TABLE_1: [PaperRow; 7] = [
+pub const PAPER_TABLE_1: [CompletenessRow<'static>; 7] = [
     row("Plane", 100.00, 0.00, 0.00, 6384),
     row("Prism", 99.96, 0.03, 0.02, 19307),
     row("Machine tool", 99.99, 0.01, 0.03, 28568),
@@ -59,24 +44,30 @@ pub const PAPER_TABLE_2: [SequenceRow; 3] = [
     SequenceRow { method: "PA", images: [16, 8, 4] },
 ];
 
-const fn row(object: &'static str, com_percent: f64, miss_percent: f64, fpc_percent: f64, points: u64) -> PaperRow {
-    PaperRow { object, com_percent, miss_percent, fpc_percent, points }
+const fn row(
+    object: &'static str,
+    com_percent: f64,
+    miss_percent: f64,
+    fpc_percent: f64,
+    points: u64,
+) -> CompletenessRow<'static> {
+    CompletenessRow { object, com_percent, miss_percent, fpc_percent, points }
 }
 
 /// Table 1 as text, ours beside the paper's; objects that the paper lacks come last.
 #[must_use]
-pub fn completeness_table(ours: &[CompletenessRow]) -> String {
+pub fn completeness_table(ours: &[CompletenessRow<'_>]) -> String {
     let mut text = format!("{:16}{:^34}  {:^34}\n", "", "paper", "ours");
     let head = format!("{:>8}{:>8}{:>8}{:>10}", "com %", "miss %", "fpc %", "points");
+    let missing = || format!("{:>34}", "–");
     push_line(&mut text, "object", &head, &head);
     for theirs in &PAPER_TABLE_1 {
-        let left = figures([theirs.com_percent, theirs.miss_percent, theirs.fpc_percent], theirs.points);
-        let right = ours.iter().find(|o| o.object == theirs.object).map(our_figures);
-        push_line(&mut text, theirs.object, &left, &right.unwrap_or_else(|| format!("{:>34}", "–")));
+        let right = ours.iter().find(|o| o.object == theirs.object).map(figures);
+        push_line(&mut text, theirs.object, &figures(theirs), &right.unwrap_or_else(missing));
     }
-    let known = |o: &&CompletenessRow| PAPER_TABLE_1.iter().any(|p| p.object == o.object);
-    for other in ours.iter().filter(|o| !known(o)) {
-        push_line(&mut text, &other.object, &format!("{:>34}", "–"), &our_figures(other));
+    let is_known = |o: &&CompletenessRow<'_>| PAPER_TABLE_1.iter().any(|p| p.object == o.object);
+    for other in ours.iter().filter(|o| !is_known(o)) {
+        push_line(&mut text, other.object, &missing(), &figures(other));
     }
     text
 }
@@ -94,12 +85,8 @@ pub fn sequence_table(ours: &[SequenceRow]) -> String {
     text
 }
 
-fn our_figures(row: &CompletenessRow) -> String {
-    figures([row.com_percent, row.miss_percent, row.fpc_percent], row.points)
-}
-
-fn figures([com, miss, fpc]: [f64; 3], points: u64) -> String {
-    format!("{com:8.2}{miss:8.2}{fpc:8.2}{points:10}")
+fn figures(row: &CompletenessRow<'_>) -> String {
+    format!("{:8.2}{:8.2}{:8.2}{:10}", row.com_percent, row.miss_percent, row.fpc_percent, row.points)
 }
 
 fn counts(images: [u64; 3]) -> String {
@@ -117,13 +104,7 @@ mod tests {
 
     #[test]
     fn ours_stand_beside_the_papers() {
-        let ours = |object: &str| CompletenessRow {
-            object: object.to_owned(),
-            com_percent: 99.5,
-            miss_percent: 0.25,
-            fpc_percent: 0.125,
-            points: 1234,
-        };
+        let ours = |object| row(object, 99.5, 0.25, 0.125, 1234);
         let text = completeness_table(&[ours("Nose"), ours("Bust")]);
         let line = |start: &str| text.lines().find(|l| l.starts_with(start)).unwrap().split_whitespace().collect();
         let nose: Vec<&str> = line("Nose");

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::evaluate::{Figures, evaluate};
 use super::{Assumptions, RigReportError, RigSetup};
 
-/// Step of the grid, in larger image sides of C1 divided by this: a comparison needs no fine grid.
+/// Steps of the grid along the larger side of C1's image: a comparison needs no fine grid.
 const GRID_SHARE: usize = 20;
 /// Places of the projector on the base to try: first, last, step, in hundredths.
 const PLACES: (i32, i32, usize) = (20, 80, 2);

@@ -156,6 +156,7 @@ impl<'a> Cases<'a> {
         let Some(trace) = Trace::new(self, segment, surface, phase) else { return };
         tally.cases += 1;
         for sense in [1, -1] {
+            // The last place found starts the search for the next order.
             let mut place_m = 0.0;
             // Phase and depth are monotone along the trace: after the first missing candidate there are no others.
             for order in (1..=tally.max_order()).map(|k| sense * k) {

@@ -186,6 +186,7 @@ impl<'a> Probe<'a> {
             let (projector, projector_from_cam1) = draw.apply(scale, &base.projector, &base.projector_from_cam1);
             self.centred(Rig { projector, projector_from_cam1, ..base.clone() })
         };
+        // Brackets the scale by doubling, then bisects.
         let (mut low, mut high) = (0.0, 0.05);
         while self.deviation(&at(high))?.delta_rms < sd_rad {
             (low, high) = (high, high * 2.0);

@@ -82,6 +82,7 @@ impl ImageLoop {
             return None;
         }
         let turn = (exposure_number % poses as u64) as usize;
+        // Poses forward to the next one with the step; back instead where that is nearer.
         let ahead = (step + steps - turn % steps) % steps;
         let back = if ahead > steps / 2 { steps } else { 0 };
         Some((turn + ahead + poses - back) % poses)

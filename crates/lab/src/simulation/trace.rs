@@ -103,6 +103,10 @@ pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
 /// Steps are stretched. A stretched step is accepted only where the balls of free space at both its ends meet (Keinert
 /// et al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
 fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
+    // outside = entry into the box
+    // while outside is before the end:
+    //     next = stretched step; if the balls of free space do not meet, an unstretched one of at least MIN_STEP_MM
+    //     if next is inside: refine the crossing between outside and next
     let (near, far) = clip(solid.bounds_mm(), ray)?;
     let (mut outside, end) = (near.max(0.0), far.min(limit));
     let mut free = solid.distance_mm(&ray.at(outside));

@@ -247,6 +247,7 @@ impl Centres {
             (hit.map(|h| h.surface), sample)
         };
         let (surface, middle) = at(1, 1);
+        // Opposite neighbours along rows, columns and both diagonals.
         for (a, b) in [((0, 1), (2, 1)), ((1, 0), (1, 2)), ((0, 0), (2, 2)), ((2, 0), (0, 2))] {
             let ((surface_a, a), (surface_b, b)) = (at(a.0, a.1), at(b.0, b.1));
             if surface_a != surface || surface_b != surface || !on_one_line(&a, &middle, &b) {

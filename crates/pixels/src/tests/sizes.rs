@@ -10,7 +10,8 @@ use super::raw_formats;
 
 #[test]
 fn codes_and_names_are_those_of_v4l2() {
-    for format in SourceFormat::ALL {
+    for (index, format) in SourceFormat::ALL.into_iter().enumerate() {
+        assert_eq!(format as usize, index);
         assert_eq!(SourceFormat::from_code(format.code()), Some(format));
         assert_eq!(format.name().parse(), Ok(format));
     }

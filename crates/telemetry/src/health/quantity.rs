@@ -55,79 +55,59 @@ pub enum Averaging {
     Mean,
 }
 
+/// Every quantity with its name, its configuration key and its title, at the index of its discriminant.
+#[rustfmt::skip]
+const TABLE: [(Quantity, &str, &str, &str); 20] = [
+    (Quantity::Drift, "drift", "health.drift_rad", "drift of the calibration"),
+    (Quantity::DeltaSd, "delta_sd", "health.delta_sd_rad", "sd of δ"),
+    (Quantity::DeltaNoise, "delta_noise", "health.delta_noise_rad", "noise of δ"),
+    (Quantity::DeltaMean, "delta_mean", "health.delta_mean_rad", "mean of δ"),
+    (Quantity::ResidualCam1, "residual_cam1", "health.residual_share", "fit residual, camera 1"),
+    (Quantity::ResidualCam2, "residual_cam2", "health.residual_share", "fit residual, camera 2"),
+    (Quantity::HarmonicsCam1, "harmonics_cam1", "health.harmonics_share", "harmonics of the fringes, camera 1"),
+    (Quantity::HarmonicsCam2, "harmonics_cam2", "health.harmonics_share", "harmonics of the fringes, camera 2"),
+    (Quantity::SaturatedCam1, "saturated_cam1", "health.saturated_share", "saturated pixels, camera 1"),
+    (Quantity::SaturatedCam2, "saturated_cam2", "health.saturated_share", "saturated pixels, camera 2"),
+    (Quantity::DimCam1, "dim_cam1", "health.dim_share", "dim pixels, camera 1"),
+    (Quantity::DimCam2, "dim_cam2", "health.dim_share", "dim pixels, camera 2"),
+    (Quantity::Skew, "skew", "health.skew_ms", "skew of the cameras"),
+    (Quantity::Motion, "motion", "health.motion_rad", "motion of the phase an image"),
+    (Quantity::Brightness, "brightness", "health.brightness_share", "change of brightness"),
+    (Quantity::OneSurface, "one_surface", "health.one_surface_share", "pixels with part of their images"),
+    (Quantity::Lost, "lost", "health.lost_share", "pixels lost to motion"),
+    (Quantity::Slipped, "slipped", "health.slipped_share", "slipped windows"),
+    (Quantity::Unexplained, "unexplained", "health.unexplained_share", "pixels that nothing explains"),
+    (Quantity::FalseCandidates, "false_candidates", "health.false_candidates", "expected false candidates"),
+];
+
 impl Quantity {
     /// All quantities, each at the index of its discriminant.
-    pub const ALL: [Self; 20] = [
-        Self::Drift,
-        Self::DeltaSd,
-        Self::DeltaNoise,
-        Self::DeltaMean,
-        Self::ResidualCam1,
-        Self::ResidualCam2,
-        Self::HarmonicsCam1,
-        Self::HarmonicsCam2,
-        Self::SaturatedCam1,
-        Self::SaturatedCam2,
-        Self::DimCam1,
-        Self::DimCam2,
-        Self::Skew,
-        Self::Motion,
-        Self::Brightness,
-        Self::OneSurface,
-        Self::Lost,
-        Self::Slipped,
-        Self::Unexplained,
-        Self::FalseCandidates,
-    ];
+    pub const ALL: [Self; TABLE.len()] = {
+        let mut all = [Self::Drift; TABLE.len()];
+        let mut index = 0;
+        while index < all.len() {
+            all[index] = TABLE[index].0;
+            index += 1;
+        }
+        all
+    };
 
     /// Name in messages, metrics and recordings.
     #[must_use]
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Drift => "drift",
-            Self::DeltaSd => "delta_sd",
-            Self::DeltaNoise => "delta_noise",
-            Self::DeltaMean => "delta_mean",
-            Self::ResidualCam1 => "residual_cam1",
-            Self::ResidualCam2 => "residual_cam2",
-            Self::HarmonicsCam1 => "harmonics_cam1",
-            Self::HarmonicsCam2 => "harmonics_cam2",
-            Self::SaturatedCam1 => "saturated_cam1",
-            Self::SaturatedCam2 => "saturated_cam2",
-            Self::DimCam1 => "dim_cam1",
-            Self::DimCam2 => "dim_cam2",
-            Self::Skew => "skew",
-            Self::Motion => "motion",
-            Self::Brightness => "brightness",
-            Self::OneSurface => "one_surface",
-            Self::Lost => "lost",
-            Self::Slipped => "slipped",
-            Self::Unexplained => "unexplained",
-            Self::FalseCandidates => "false_candidates",
-        }
+        TABLE[self as usize].1
     }
 
     /// Configuration key of its limits; both cameras share one.
     #[must_use]
     pub fn key(self) -> &'static str {
-        match self {
-            Self::Drift => "health.drift_rad",
-            Self::DeltaSd => "health.delta_sd_rad",
-            Self::DeltaNoise => "health.delta_noise_rad",
-            Self::DeltaMean => "health.delta_mean_rad",
-            Self::ResidualCam1 | Self::ResidualCam2 => "health.residual_share",
-            Self::HarmonicsCam1 | Self::HarmonicsCam2 => "health.harmonics_share",
-            Self::SaturatedCam1 | Self::SaturatedCam2 => "health.saturated_share",
-            Self::DimCam1 | Self::DimCam2 => "health.dim_share",
-            Self::Skew => "health.skew_ms",
-            Self::Motion => "health.motion_rad",
-            Self::Brightness => "health.brightness_share",
-            Self::OneSurface => "health.one_surface_share",
-            Self::Lost => "health.lost_share",
-            Self::Slipped => "health.slipped_share",
-            Self::Unexplained => "health.unexplained_share",
-            Self::FalseCandidates => "health.false_candidates",
-        }
+        TABLE[self as usize].2
+    }
+
+    /// Title for people.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        TABLE[self as usize].3
     }
 
     /// Unit of its values, taken from the end of [`Self::key`]; empty for shares.
@@ -135,33 +115,6 @@ impl Quantity {
     pub fn unit(self) -> &'static str {
         let key = self.key();
         ["rad", "ms"].into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default()
-    }
-
-    /// Title for people.
-    #[must_use]
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Drift => "drift of the calibration",
-            Self::DeltaSd => "sd of δ",
-            Self::DeltaNoise => "noise of δ",
-            Self::DeltaMean => "mean of δ",
-            Self::ResidualCam1 => "fit residual, camera 1",
-            Self::ResidualCam2 => "fit residual, camera 2",
-            Self::HarmonicsCam1 => "harmonics of the fringes, camera 1",
-            Self::HarmonicsCam2 => "harmonics of the fringes, camera 2",
-            Self::SaturatedCam1 => "saturated pixels, camera 1",
-            Self::SaturatedCam2 => "saturated pixels, camera 2",
-            Self::DimCam1 => "dim pixels, camera 1",
-            Self::DimCam2 => "dim pixels, camera 2",
-            Self::Skew => "skew of the cameras",
-            Self::Motion => "motion of the phase an image",
-            Self::Brightness => "change of brightness",
-            Self::OneSurface => "pixels with part of their images",
-            Self::Lost => "pixels lost to motion",
-            Self::Slipped => "slipped windows",
-            Self::Unexplained => "pixels that nothing explains",
-            Self::FalseCandidates => "expected false candidates",
-        }
     }
 
     /// How its level follows from its last windows.

@@ -78,6 +78,7 @@ fn verdict_of_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
             at_surfel += 1;
         }
     }
+    // Points behind contradict only without points before or at the surfel: mixed depths are an edge.
     match (behind, before, at_surfel) {
         (0, 0, _) => Verdict::Visible,
         (_, 0, 0) if behind >= MIN_BEHIND => Verdict::Contradicted,

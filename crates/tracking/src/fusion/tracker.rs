@@ -203,6 +203,7 @@ impl Tracker {
             let found = found.determined(&settings)?;
             Ok((Tracking::Tracked(found), reference, found))
         });
+        // A cloud that fails here is searched for once more, where the scanner was last seen.
         match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
             Ok((tracking, reference, found)) => {
                 self.accept(cloud, sampled, (tracking, &reference, &found), known, time_ns)

@@ -75,6 +75,7 @@ impl Equations {
             let mut gradient = Vector6::zeros();
             for pair in tile {
                 let share = outlier_share(pair, scale);
+                // Beyond Tukey's limit a pair has neither weight nor curvature.
                 if share < 1.0 {
                     let precision = 1.0 / (pair.sd_m * pair.sd_m);
                     let weight = (1.0 - share) * (1.0 - share) * precision;

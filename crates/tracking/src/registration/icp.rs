@@ -68,6 +68,10 @@ pub fn register_loosely(
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
+    // for each level, coarse to fine:
+    //     tiles = a regular sample of the moved points
+    //     repeat: pair by projection, solve the robust normal equations, move; until the step is small
+    // judge the last level: overlap, residual, convergence, covariance
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
     let mut settled = None;
@@ -142,6 +146,7 @@ fn judge(
     let Motion { centre, radius_m } = found.motion;
     let smooth = gradient_covariance(&found.paired, found.scale);
     let covariance = equations.covariance(&smooth).ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
+    // The parameters are lengths; the covariance of a pose has its rotation in rad.
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
     Ok(Registration {

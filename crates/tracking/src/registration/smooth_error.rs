@@ -47,6 +47,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
         return Matrix6::zeros();
     }
     let field = Field::new(&cells, scale);
+    // Without a smooth error first; MIN_GAIN is the price of its two parameters.
     let mut best = (field.misfit(&DMatrix::zeros(cells.len(), cells.len())) - MIN_GAIN, None);
     for length in LENGTHS {
         let correlation = correlation(&cells, length);
@@ -58,6 +59,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
             }
         }
     }
+    // Carries the covariance of the cells over to the gradient.
     let rows = DMatrix::from_fn(6, cells.len(), |axis, cell| cells[cell].row[axis]);
     best.1.map_or_else(Matrix6::zeros, |covariance| {
         let sum = &rows * covariance * rows.transpose();

@@ -85,6 +85,7 @@ fn places() -> Vec<(PointMm, f64)> {
         let angle = std::f64::consts::PI * i as f64 / f64::from(steps);
         PointMm::new(-ARCH[0] * angle.cos(), BACK_Y + ARCH[1] * angle.sin(), RIDGE_Z - 4.0)
     };
+    // The length of an ellipse has no closed form: a table of it along the arch, in which places are looked up.
     let mut lengths = vec![0.0];
     for i in 0..steps as usize {
         lengths.push(lengths[i] + (on_arch(i + 1) - on_arch(i)).norm());

@@ -82,10 +82,10 @@ fn measure(object: Object, steps: usize, proposed: &ProposedArgs) -> Result<Row,
     Ok(Row { object: object.name(), steps, scores, statistics, simulated: simulated.summary })
 }
 
-fn table_1(rows: &[Row]) -> Vec<CompletenessRow> {
+fn table_1(rows: &[Row]) -> Vec<CompletenessRow<'_>> {
     let measured = rows.iter().filter(|row| row.steps == TABLE_1_STEPS);
     let row = |row: &Row| CompletenessRow {
-        object: name_in_paper(row.object).to_owned(),
+        object: name_in_paper(row.object),
         com_percent: row.scores.com_percent,
         miss_percent: row.scores.miss_percent,
         fpc_percent: row.scores.fpc_percent,
