@@ -60,7 +60,7 @@ fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
             bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, (&by(method), None), &mut matches));
         });
     }
-    let drift = matches.drift.as_ref().map(Drift::known);
+    let drift = matches.drift.as_ref().map(Drift::to_known);
     group.bench_function(BenchmarkId::new("match", "known drift"), |bencher| {
         let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
         let with = (&by(ResolutionMethod::SemiGlobal), drift.as_ref());

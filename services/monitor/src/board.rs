@@ -4,15 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 
 use serde::Serialize;
-use serde::Serialize;
-use serde_json::{Value, json};
 use serde_json::{Value, json};
 
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
 use fringeflow_message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow_runtime::{Preparation, live_services, sources};
-use fringeflow_runtime::{live_services, sources};
 use fringeflow_telemetry::{
     DropLine, Interval, Losses, Pace, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
     TrackingWatch, WindowFigures,

@@ -25,7 +25,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use fringeflow_message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
 use fringeflow_recording::Recordable;
 use fringeflow_runtime::{BEAT, Host, Preparation, ServiceArgs, ServiceError, clock, receive};
-use fringeflow_runtime::{BEAT, Host, ServiceArgs, ServiceError, clock, receive};
 use fringeflow_transport::{
     REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };

@@ -5,11 +5,8 @@ use std::io::{IsTerminal, Write, stderr};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use fringeflow_message::{DropReason, ScanState, Stage};
-use fringeflow_message::{ScanState, Stage};
 use fringeflow_runtime::Preparation;
 use fringeflow_runtime::log::{self, Diversion};
-use fringeflow_runtime::log::{self, Diversion};
-use fringeflow_telemetry::{StageTally, Tally};
 use fringeflow_telemetry::{StageTally, Tally};
 use fringeflow_transport::Instance;
 

@@ -4,7 +4,6 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use fringeflow_message::{Command, ControlRequest, ControlResponse, Text};
-use fringeflow_supervisor::headline;
 use fringeflow_transport::{Instance, request};
 
 use crate::failure::Failure;

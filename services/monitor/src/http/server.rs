@@ -27,13 +27,11 @@ use fringeflow_config::{Listen, MonitorConfiguration};
 use fringeflow_runtime::dashboard_file;
 
 use crate::exposition::Exposition;
-use crate::metrics::{MEDIA_TYPE, Metrics};
+use crate::metrics::Metrics;
 use crate::shared::{Shared, ended};
 use crate::viewers;
 
 use super::guard::{COOKIE_NAME, Guard};
-use super::guard::{COOKIE_NAME, Guard};
-use super::{control, live, page};
 use super::{control, live, page};
 
 /// Connections at once; those beyond are told so and closed.
