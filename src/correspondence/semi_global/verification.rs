@@ -53,9 +53,12 @@ const MAX_VARIANCE: f32 = 4.5;
 /// With this lead the variance of z may be larger, and the region is no strip: motion moves δ by more than the noise of
 /// the rest, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm per image:
 /// right regions with variances up to 8 have at least 8.6 nats per path. The lead alone is not enough: a strip of a board
-/// 40 mm behind the volume leads by more, with variances of hundreds.
+/// 40 mm behind the volume leads by 11, with a variance of 4.7 at rest, and is half of all that is seen. So the images must
+/// move, and the region must be small beside the regions that δ supports.
 const SURE_LEAD_NATS: f32 = 8.5;
 const SURE_VARIANCE: f32 = 9.0;
+const SURE_MOTION_RAD: f32 = 0.1;
+const SURE_SHARE: f64 = 0.2;
 /// Handicap of such a region: every region that δ supports takes its places in C2.
 const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
@@ -189,11 +192,21 @@ impl Verification<'_> {
         });
         verdicts.clear();
         foundations_nats.clear();
-        let judged = regions.size_px.iter().zip(&*leads_nats).zip(&*sums).zip(&strips.is_strip);
-        for (((&size_px, &lead_nats), &large), &is_strip) in judged {
-            let mostly_small = |large: u64| u64::from(size_px) - large > u64::from(size_px) / 2;
-            let is_supported = !is_strip && mostly_small(large & u64::from(u32::MAX));
-            let is_sure = lead_nats >= SURE_LEAD_NATS && mostly_small(large >> 32);
+        let mostly_small = |size_px: u32, large: u64| u64::from(size_px) - large > u64::from(size_px) / 2;
+        let is_supported =
+            |size_px, large, is_strip: bool| !is_strip && mostly_small(size_px, large & u64::from(u32::MAX));
+        let all = || regions.size_px.iter().zip(&*sums).zip(&strips.is_strip);
+        let supported_px: u64 = all()
+            .filter(|&((&size_px, &large), &is_strip)| is_supported(size_px, large, is_strip))
+            .map(|((&size_px, _), _)| u64::from(size_px))
+            .sum();
+        let is_moving = self.scene.cam1.motion.is_some_and(|motion| motion.fast_rad >= SURE_MOTION_RAD);
+        for (((&size_px, &large), &is_strip), &lead_nats) in all().zip(&*leads_nats) {
+            let is_supported = is_supported(size_px, large, is_strip);
+            let is_sure = is_moving
+                && lead_nats >= SURE_LEAD_NATS
+                && mostly_small(size_px, large >> 32)
+                && f64::from(size_px) <= SURE_SHARE * supported_px as f64;
             let is_clear = size_px >= self.limits.min_region_px && lead_nats >= MIN_LEAD_NATS;
             verdicts.push(match is_supported || is_sure {
                 true if is_clear => None,
