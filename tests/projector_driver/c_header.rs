@@ -87,8 +87,9 @@ fn numbers() -> Vec<Line> {
 /// The name under which iceoryx2 knows a struct of crates/message/src.
 fn type_name(rust: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/message/src");
-    let files = std::fs::read_dir(folder).unwrap();
-    let sources: String = files.map(|file| std::fs::read_to_string(file.unwrap().path()).unwrap()).collect();
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let sources: String =
+        entries.filter(|path| path.is_file()).map(|file| std::fs::read_to_string(file).unwrap()).collect();
     let (before, _) = sources.split_once(&format!("\")]\npub struct {rust}")).unwrap();
     before.rsplit_once("#[type_name(\"").unwrap().1.to_owned()
 }

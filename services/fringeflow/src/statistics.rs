@@ -81,7 +81,7 @@ pub(crate) struct DriftFigures {
     pub(crate) residual_sd_rad: f64,
     /// Share of pixels with a candidate that agrees with it, in [0, 1].
     pub(crate) share: f64,
-    /// Drift, rad rms, beyond which to calibrate anew.
+    /// Drift, rad rms, beyond which to calibrate again.
     pub(crate) limit_rad: f64,
     /// Whether it is beyond.
     pub(crate) beyond_limit: bool,

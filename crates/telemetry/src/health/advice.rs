@@ -7,7 +7,7 @@ impl Quantity {
     #[must_use]
     pub fn remedy(self) -> &'static str {
         match self {
-            Self::Drift => "calibrate anew; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
+            Self::Drift => "calibrate again; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
             Self::DeltaSd => "calibration and images may not belong together, or the scanner moves too fast",
             Self::DeltaNoise => "more light, slower motion, or a linear projector",
             Self::DeltaMean => "set pattern.phase_offset_rad, or check that projector and cameras are in step",
@@ -25,7 +25,7 @@ impl Quantity {
                 "calibration and images may not belong together, or most of the scene lies far outside the measurement \
                  volume"
             }
-            Self::FalseCandidates => "calibrate anew, or use a shallower volume or fewer fringes",
+            Self::FalseCandidates => "calibrate again, or use a shallower volume or fewer fringes",
         }
     }
 }

@@ -49,7 +49,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault("inverted rotation", inverted_rotation, CALIBRATION, "field R2"),
     fault("swapped cameras of unlike images", unlike_cameras_swapped, CALIBRATION, "field size1"),
     fault("calibration of another image size", |f| calibration_field(f, "size2", "32, 64"), CALIBRATION, "field size2"),
-    fault("volume behind the camera", volume_behind_camera, META, "field volume: the volume lies behind camera 1"),
+    fault("volume behind the camera", volume_behind_camera, META, "field volume: the volume is behind camera 1"),
     fault("volume turned inside out", |f| meta_field(f, "/volume/min", json!([50, 40, 12.5])), META, "field volume"),
     fault("impossible period", |f| meta_field(f, "/period_px", json!(0)), META, "field period_px"),
     fault("impossible depth", |f| state_bits(f, 9), META, "field bits: is 9"),
