@@ -1,4 +1,4 @@
-//! The formats in which metrics are served: OpenMetrics, or the text format of Prometheus, which other tools read.
+//! The formats in which metrics are served: the text format of Prometheus, or OpenMetrics where a client asks for it.
 //!
 //! In: OpenMetrics as the registry writes it, and the header `Accept` of a request. Out: a media type and the text. In the text
 //! format a counter is declared under the name of its series, with `_total`, and there are no units and no end mark.
@@ -18,12 +18,9 @@ pub(crate) enum Exposition {
 const OPEN_METRICS: &str = "application/openmetrics-text";
 
 impl Exposition {
-    /// The format that a client accepts. It is text where the client names text and not OpenMetrics.
+    /// The format that a client accepts: text, unless it names OpenMetrics as Prometheus does.
     pub(crate) fn accepted(accept: &str) -> Self {
-        match accept.contains("text/plain") && !accept.contains(OPEN_METRICS) {
-            true => Self::Text,
-            false => Self::OpenMetrics,
-        }
+        if accept.contains(OPEN_METRICS) { Self::OpenMetrics } else { Self::Text }
     }
 
     /// Its media type.
@@ -59,12 +56,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_served_to_those_who_ask_for_it_alone() {
+    fn text_is_served_unless_open_metrics_is_asked_for() {
         let prometheus = "application/openmetrics-text;version=1.0.0;q=0.6,text/plain;version=0.0.4;q=0.5,*/*;q=0.1";
-        for accept in [prometheus, "*/*", "", "text/html"] {
-            assert_eq!(Exposition::accepted(accept), Exposition::OpenMetrics, "{accept}");
+        assert_eq!(Exposition::accepted(prometheus), Exposition::OpenMetrics);
+        for accept in ["text/plain", "*/*", "", "text/html"] {
+            assert_eq!(Exposition::accepted(accept), Exposition::Text, "{accept}");
         }
-        assert_eq!(Exposition::accepted("text/plain"), Exposition::Text);
     }
 
     #[test]

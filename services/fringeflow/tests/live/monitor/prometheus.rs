@@ -44,7 +44,7 @@ fn prometheus_rules_and_dashboard_find_what_they_ask_for() {
     let metrics = bench.path("metrics.txt");
     std::fs::write(&metrics, watched.get("/metrics").body).unwrap();
     script(python().arg(monitoring("grafana.py")).arg(root().join("configs/grafana.json")).arg(&metrics));
-    lint(&promtool, &watched.request("GET", "/metrics", &[("Accept", "text/plain")], "").body);
+    lint(&promtool, &watched.get("/metrics").body);
     let url = format!("http://{}", watched.address);
     let seen = script(python().arg(monitoring("prometheus.py")).args([&url, &binaries]));
     let seen: Value = serde_json::from_str(&seen).unwrap();
