@@ -404,7 +404,7 @@ mod tests {
     fn board() -> Board {
         let text = include_str!("../../../configs/demo.toml");
         let configuration = ScannerConfiguration::parse(text, Path::new("/configs")).unwrap();
-        let setup = Setup::parse(configuration.setup_text().unwrap(), None).unwrap();
+        let setup = Setup::parse(fringeflow_lab::simulation::setup_text(&configuration).unwrap(), None).unwrap();
         Board::new(&configuration, &setup, 0)
     }
 

@@ -28,6 +28,7 @@ use rayon::prelude::*;
 use fringeflow_base::outcome::Outcome;
 
 use crate::correspondence::surfaces;
+use crate::phase::PhaseMap;
 
 use super::bands::{self, BAND_ROWS};
 use super::claims::{Claim, Claims};
@@ -53,11 +54,12 @@ const MAX_VARIANCE: f32 = 4.5;
 /// With this lead the variance of z may be larger, and the region is no strip: motion moves δ by more than the noise of
 /// the rest, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm per image:
 /// right regions with variances up to 8 have at least 8.6 nats per path. The lead alone is not enough: a strip of a board
-/// 40 mm behind the volume leads by 11, with a variance of 4.7 at rest, and is half of all that is seen. So the images must
-/// move, and the region must be small beside the regions that δ supports.
+/// 40 mm behind the volume leads by 11, with a variance of 4.7, and is as large as the body before it. So the region must
+/// be small beside the regions that δ supports, with a bounded variance. Where the phase moves far during the window, δ
+/// supports little, and the lead alone must do.
 const SURE_LEAD_NATS: f32 = 8.5;
-const SURE_VARIANCE: f32 = 9.0;
-const SURE_MOTION_RAD: f32 = 0.1;
+const SURE_VARIANCE: f32 = 12.0;
+const SURE_MOTION_RAD: f32 = 1.5;
 const SURE_SHARE: f64 = 0.2;
 /// Handicap of such a region: every region that δ supports takes its places in C2.
 const UNSUPPORTED_NATS: f32 = 20.0;
@@ -146,6 +148,13 @@ pub(super) fn verify(
     verification.finish(decisions);
 }
 
+/// Phase that moves during a whole window, rad; one pixel in twenty exceeds it. 0 where it was not measured.
+fn moved_rad(cam1: &PhaseMap) -> f32 {
+    // The gain of N evenly spaced images is √(2/N).
+    let images = 2.0 / (cam1.fit.noise_gain * cam1.fit.noise_gain);
+    cam1.motion.map_or(0.0, |motion| motion.fast_rad * images)
+}
+
 struct Verification<'a> {
     scene: &'a Scene<'a>,
     width: usize,
@@ -195,18 +204,16 @@ impl Verification<'_> {
         let mostly_small = |size_px: u32, large: u64| u64::from(size_px) - large > u64::from(size_px) / 2;
         let is_supported =
             |size_px, large, is_strip: bool| !is_strip && mostly_small(size_px, large & u64::from(u32::MAX));
-        let all = || regions.size_px.iter().zip(&*sums).zip(&strips.is_strip);
-        let supported_px: u64 = all()
+        let judged = || regions.size_px.iter().zip(&*sums).zip(&strips.is_strip);
+        let supported_px: u64 = judged()
             .filter(|&((&size_px, &large), &is_strip)| is_supported(size_px, large, is_strip))
             .map(|((&size_px, _), _)| u64::from(size_px))
             .sum();
-        let is_moving = self.scene.cam1.motion.is_some_and(|motion| motion.fast_rad >= SURE_MOTION_RAD);
-        for (((&size_px, &large), &is_strip), &lead_nats) in all().zip(&*leads_nats) {
+        let moves_far = moved_rad(self.scene.cam1) >= SURE_MOTION_RAD;
+        for (((&size_px, &large), &is_strip), &lead_nats) in judged().zip(&*leads_nats) {
             let is_supported = is_supported(size_px, large, is_strip);
-            let is_sure = is_moving
-                && lead_nats >= SURE_LEAD_NATS
-                && mostly_small(size_px, large >> 32)
-                && f64::from(size_px) <= SURE_SHARE * supported_px as f64;
+            let is_small = f64::from(size_px) <= SURE_SHARE * supported_px as f64;
+            let is_sure = lead_nats >= SURE_LEAD_NATS && (moves_far || is_small && mostly_small(size_px, large >> 32));
             let is_clear = size_px >= self.limits.min_region_px && lead_nats >= MIN_LEAD_NATS;
             verdicts.push(match is_supported || is_sure {
                 true if is_clear => None,
