@@ -1,13 +1,14 @@
 //! Recomputed clouds of small recordings.
 
+#[path = "../../recording/src/tests/plane.rs"]
+mod plane;
+
 use std::path::PathBuf;
-use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
 use fringeflow::cloud::{RECORD_BYTES, write_records};
-use fringeflow_dataset::{CameraId, Dataset, GreyImage};
-use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_dataset::{CameraId, GreyImage};
 use fringeflow_message::{CloudHeader, Window};
 use fringeflow_recording::{
     Content, DEFAULT_QUEUE_BYTES, ImportOptions, Opening, Origin, Recordable, Recorder, Topic, import,
@@ -15,26 +16,7 @@ use fringeflow_recording::{
 
 use super::*;
 
-/// A simulated plane with fringes wide enough for so few pixels.
-fn dataset() -> &'static Dataset {
-    static DATASET: OnceLock<(TempDir, Dataset)> = OnceLock::new();
-    let make = || {
-        let options = SimulationOptions {
-            board: Board::None,
-            rig: RigOptions { size_px: [64, 64], period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
-            steps: 4,
-            gray: false,
-            noise: NoiseLevel::None,
-            supersampling: 1,
-            ..SimulationOptions::usual(Object::Plane)
-        };
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("plane");
-        Simulation::new(options).unwrap().write(&path, || ()).unwrap();
-        (folder, Dataset::open(&path, None).unwrap())
-    };
-    &DATASET.get_or_init(make).1
-}
+use plane::dataset;
 
 fn imported(folder: &TempDir) -> PathBuf {
     let path = folder.path().join("plane.mcap");

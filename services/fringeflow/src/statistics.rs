@@ -42,7 +42,7 @@ pub(crate) struct Statistics {
     /// How the scene moved, as C1 and C2 saw it; none where no more images than a cycle tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) motion: Option<[MotionFigures; 2]>,
-    /// Steps by which the patterns of C1 and C2 were ahead of what was said of them; the phases were corrected.
+    /// Steps by which the patterns of C1 and C2 were ahead of the declared ones; the phases were corrected.
     pub(crate) slip_steps: [usize; 2],
     /// Pixels of C1 by what became of them.
     pub(crate) pixels: BTreeMap<&'static str, u64>,

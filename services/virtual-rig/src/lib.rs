@@ -8,4 +8,5 @@
 #![forbid(unsafe_code)]
 
 pub mod cameras;
+mod clock;
 pub mod projector;

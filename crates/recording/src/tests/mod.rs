@@ -2,19 +2,18 @@
 
 mod content;
 mod hostile;
+mod plane;
 mod recorder;
 mod recovery;
 mod round_trip;
 mod schema;
 
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
 
 use tempfile::TempDir;
 
 use fringeflow::correspondence::Outcome;
-use fringeflow_dataset::{Dataset, Setup};
-use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
+use fringeflow_dataset::Setup;
 use fringeflow_message::{
     CloudHeader, CorrespondenceHeader, Counts, DriftReport, DropReason, Fit, FrameHeader, GaugeReport, HealthReport,
     Incident, MapsHeader, OUTCOMES, PatternEvent, PixelFormat, PoseReport, PriorHeader, Skew, Stage, StageReport,
@@ -24,8 +23,7 @@ use fringeflow_telemetry::health::{HealthState, Quantity};
 
 use super::*;
 
-/// Width and height of the images, pixels: the minimum of the virtual scanner.
-const SIZE_PX: [usize; 2] = [64, 64];
+use plane::{SIZE_PX, dataset};
 
 struct Folder {
     folder: TempDir,
@@ -46,27 +44,6 @@ impl Folder {
         names.sort();
         names
     }
-}
-
-/// A simulated plane with fringes wide enough for so few pixels.
-fn dataset() -> &'static Dataset {
-    static DATASET: OnceLock<(TempDir, Dataset)> = OnceLock::new();
-    let make = || {
-        let options = SimulationOptions {
-            board: Board::None,
-            rig: RigOptions { size_px: SIZE_PX, period_px: 64.0, sd_rad: 0.0, ..RigOptions::usual(0.025) },
-            steps: 4,
-            gray: false,
-            noise: NoiseLevel::None,
-            supersampling: 1,
-            ..SimulationOptions::usual(Object::Plane)
-        };
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("plane");
-        Simulation::new(options).unwrap().write(&path, || ()).unwrap();
-        (folder, Dataset::open(&path, None).unwrap())
-    };
-    &DATASET.get_or_init(make).1
 }
 
 fn setup() -> &'static Setup {

@@ -329,7 +329,7 @@ mod tests {
         assert!((0..).zip(&numbers).all(|(i, &number)| number.abs_diff(i) <= 1));
     }
 
-    /// What the images show, and what is said of them.
+    /// What the images show, and what their headers say.
     fn shown(options: FaultOptions) -> Vec<(u64, u64, u64)> {
         let mut camera = camera(options);
         let mut shots = Vec::new();

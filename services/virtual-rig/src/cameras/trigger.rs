@@ -2,8 +2,9 @@
 //!
 //! In: pattern events, or the time. Out: triggers, numbered without gaps.
 
-use fringeflow_lab::simulation::Schedule;
 use fringeflow_message::{PATTERN_FRINGES, PatternEvent};
+
+use crate::clock::ScanClock;
 
 /// Both cameras expose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,10 +35,8 @@ pub struct CableTriggers {
 /// Triggers by a clock of the cameras, while the steps go round.
 #[derive(Clone, Debug)]
 pub struct ClockTriggers {
-    rate_hz: f64,
+    clock: ScanClock,
     steps: u32,
-    /// Runs while the scanner scans.
-    schedule: Option<Schedule>,
     next: u64,
 }
 
@@ -90,27 +89,23 @@ impl ClockTriggers {
     /// Triggers for images of `steps` steps at a rate.
     #[must_use]
     pub fn new(rate_hz: f64, steps: u32) -> Self {
-        Self { rate_hz, steps, schedule: None, next: 0 }
+        Self { clock: ScanClock::new(rate_hz), steps, next: 0 }
     }
 
     /// Starts or stops the clock; the steps go on where they stopped.
     pub fn scan(&mut self, scanning: bool, now_ns: u64) {
-        match (scanning, &self.schedule) {
-            (true, None) => self.schedule = Some(Schedule::new(now_ns, self.rate_hz)),
-            (false, Some(_)) => self.schedule = None,
-            _ => (),
-        }
+        self.clock.scan(scanning, now_ns);
     }
 
     /// When the next trigger is due; `None` while stopped.
     #[must_use]
     pub fn next_ns(&self) -> Option<u64> {
-        self.schedule.map(|schedule| schedule.next_ns())
+        self.clock.next_ns()
     }
 
     /// The next trigger, if its time has come, and how many before it nobody served; to be asked until there is none.
     pub fn take(&mut self, now_ns: u64) -> Option<(u64, Trigger)> {
-        let tick = self.schedule.as_mut()?.take(now_ns)?;
+        let tick = self.clock.take(now_ns)?;
         let number = self.next + tick.missed;
         self.next = number + 1;
         let step = number.checked_rem(self.steps.into()).map(|step| step as u32);

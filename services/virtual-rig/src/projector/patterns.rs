@@ -3,19 +3,20 @@
 //! In: the time. Out: pattern events on an absolute schedule, step after step, as long as the scanner is to scan.
 
 use fringeflow_dataset::FringeSequence;
-use fringeflow_lab::simulation::{Faults, Schedule};
+use fringeflow_lab::simulation::Faults;
 use fringeflow_message::{PATTERN_FRINGES, PatternEvent};
+
+use crate::clock::ScanClock;
 
 /// A projector that shows N-step fringes at a rate.
 #[derive(Clone, Debug)]
 pub struct VirtualProjector {
     session: u64,
-    rate_hz: f64,
+    /// Ticks while patterns are shown.
+    clock: ScanClock,
     steps: u32,
     period_px: f64,
     faults: Faults,
-    /// Runs while patterns are shown.
-    schedule: Option<Schedule>,
     /// Patterns shown so far.
     shown: u64,
     /// Patterns announced so far.
@@ -36,27 +37,23 @@ impl VirtualProjector {
     #[must_use]
     pub fn new(session: u64, rate_hz: f64, sequence: &FringeSequence, faults: Faults) -> Self {
         let (steps, period_px) = (sequence.shifts_rad.len() as u32, sequence.pattern.period_px);
-        Self { session, rate_hz, steps, period_px, faults, schedule: None, shown: 0, announced: 0 }
+        Self { session, clock: ScanClock::new(rate_hz), steps, period_px, faults, shown: 0, announced: 0 }
     }
 
     /// Starts or stops showing patterns; the steps go on where they stopped.
     pub fn scan(&mut self, scanning: bool, now_ns: u64) {
-        match (scanning, &self.schedule) {
-            (true, None) => self.schedule = Some(Schedule::new(now_ns, self.rate_hz)),
-            (false, Some(_)) => self.schedule = None,
-            _ => (),
-        }
+        self.clock.scan(scanning, now_ns);
     }
 
     /// When there is something to show next; `None` while stopped.
     #[must_use]
     pub fn next_ns(&self) -> Option<u64> {
-        self.schedule.map(|schedule| schedule.next_ns())
+        self.clock.next_ns()
     }
 
     /// Shows the next pattern, if its time has come; to be asked until there is none.
     pub fn show(&mut self, now_ns: u64) -> Option<Shown> {
-        let tick = self.schedule.as_mut()?.take(now_ns)?;
+        let tick = self.clock.take(now_ns)?;
         let number = self.shown;
         self.shown += 1;
         if self.faults.loses_event(number) {
@@ -66,7 +63,7 @@ impl VirtualProjector {
             session: self.session,
             sequence: self.announced,
             exposure_start_ns: tick.time_ns,
-            duration_ns: (1e9 / self.rate_hz) as u64,
+            duration_ns: (1e9 / self.clock.rate_hz()) as u64,
             period_px: self.period_px,
             step: number.checked_rem(self.steps.into()).unwrap_or(0) as u32,
             steps: self.steps,
