@@ -1,12 +1,13 @@
-//! What watching costs the scan: `cargo bench -p fringeflow-command --bench monitor [-- [cpu | pages] SECONDS ROUNDS]`.
+//! Cost of the monitor during a scan:
+//! `cargo bench -p fringeflow-command --bench monitor [-- [cpu | pages] SECONDS ROUNDS]`.
 //!
-//! Two comparisons, each of parts of one run of this program that take turns, so that a machine which changes its mind changes
-//! it for both:
+//! Makes two comparisons. The two sides of each take turns, so changes in the speed of the machine affect both alike.
 //!
-//! 1. `cpu`: CPU time of whole instances of `configs/demo.toml` with the monitor on (page closed) and off;
-//! 2. `pages`: rate of clouds and median from exposure to cloud of one instance, without pages and with fifty, ten of which never read.
+//! 1. `cpu`: CPU time of whole instances of `configs/demo.toml`, with the monitor on (no page open) and off;
+//! 2. `pages`: clouds per second and median time from exposure to cloud of one instance, without pages and with fifty,
+//!    ten of which never read.
 
-// A bench that cannot prepare its work ends.
+// A bench that cannot prepare its work panics.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::print_stdout, missing_docs)]
 
 use std::fmt;
@@ -25,32 +26,32 @@ use tungstenite::{Message, WebSocket};
 use fringeflow_supervisor::observe;
 use fringeflow_transport::Instance;
 
-/// Pages, and how many of them never read.
+/// Number of pages, and how many of them never read.
 const PAGES: usize = 50;
 const SILENT: usize = 10;
-/// Seconds after a change before anything is measured.
-const SETTLE: Duration = Duration::from_secs(3);
+/// Time between a change and the measurement.
+const SETTLING_TIME: Duration = Duration::from_secs(3);
 
 fn main() {
     let numbers: Vec<u64> = std::env::args().filter_map(|argument| argument.parse().ok()).collect();
     let seconds = numbers.first().copied().unwrap_or(20);
     let rounds = numbers.get(1).copied().unwrap_or(5);
     let folder = tempfile::Builder::new().prefix("ffbench").tempdir_in("/tmp").unwrap();
-    let is_asked_for = |part: &str, other: &str| part_is_named(part) || !part_is_named(other);
-    if is_asked_for("cpu", "pages") {
-        cpu_of_the_monitor(folder.path(), seconds, rounds);
+    let is_selected = |part: &str, other: &str| has_argument(part) || !has_argument(other);
+    if is_selected("cpu", "pages") {
+        compare_cpu_time(folder.path(), seconds, rounds);
     }
-    if is_asked_for("pages", "cpu") {
-        pages(folder.path(), seconds, rounds);
+    if is_selected("pages", "cpu") {
+        compare_pages(folder.path(), seconds, rounds);
     }
 }
 
-fn part_is_named(part: &str) -> bool {
-    std::env::args().any(|argument| argument == part)
+fn has_argument(name: &str) -> bool {
+    std::env::args().any(|argument| argument == name)
 }
 
-fn cpu_of_the_monitor(folder: &Path, seconds: u64, rounds: u64) {
-    println!("CPU seconds of an instance over {seconds} s, monitor off and on:");
+fn compare_cpu_time(folder: &Path, seconds: u64, rounds: u64) {
+    println!("CPU seconds of an instance over {seconds} s, with the monitor off and on:");
     let (off, on) = (configuration(folder, false), configuration(folder, true));
     run_for(folder, &off, 1);
     let mut ratios = Vec::new();
@@ -62,8 +63,8 @@ fn cpu_of_the_monitor(folder: &Path, seconds: u64, rounds: u64) {
     println!("  median {:+.1} %", 100.0 * (median(&mut ratios) - 1.0));
 }
 
-fn pages(folder: &Path, seconds: u64, rounds: u64) {
-    println!("clouds a second, and median ms from exposure to cloud, without pages and with {PAGES}:");
+fn compare_pages(folder: &Path, seconds: u64, rounds: u64) {
+    println!("clouds per second, and median ms from exposure to cloud, without pages and with {PAGES}:");
     let instance = Running::start(folder, &configuration(folder, true));
     let (mut rates, mut latencies) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
@@ -76,11 +77,12 @@ fn pages(folder: &Path, seconds: u64, rounds: u64) {
     println!("  median: rate {rate:+.1} %, latency {latency:+.1} %");
 }
 
-/// What comes of a scan.
+/// Performance of a scan.
 struct Measured {
     clouds_hz: f64,
+    /// Median time from exposure to cloud.
     p50_ms: f64,
-    /// Of a core.
+    /// CPU time of the monitor, percent of a core.
     monitor_percent: f64,
 }
 
@@ -91,7 +93,7 @@ impl fmt::Display for Measured {
     }
 }
 
-/// A running instance and its dashboard.
+/// A running instance with its dashboard.
 struct Running {
     child: Child,
     instance: Instance,
@@ -116,11 +118,11 @@ impl Running {
         instance
     }
 
-    /// What comes of the scan with so many pages.
+    /// Measures the scan with this number of pages.
     fn measure(&self, pages: usize, seconds: u64) -> Measured {
         let stop = Arc::new(AtomicBool::new(false));
-        let pages: Vec<_> = (0..pages).map(|number| self.page(number < SILENT, &stop)).collect();
-        std::thread::sleep(SETTLE);
+        let pages: Vec<_> = (0..pages).map(|number| self.open_page(number < SILENT, &stop)).collect();
+        std::thread::sleep(SETTLING_TIME);
         let total = *observe(&self.instance, seconds * 1_000_000_000).unwrap().tally.total().brief().as_ref().unwrap();
         let services = self.figures()["services"].take();
         let monitor = services.as_array().unwrap().iter().find(|service| service["name"] == "monitor").unwrap();
@@ -133,9 +135,9 @@ impl Running {
         }
     }
 
-    /// A page in a thread of its own; one that reads draws at once what it gets. Pages are on other machines: here their work
-    /// gives way to that of the scan.
-    fn page(&self, is_silent: bool, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
+    /// Opens a page in its own thread. A page that reads acknowledges each message at once. Usually pages are on other
+    /// machines, so here their threads have the lowest priority.
+    fn open_page(&self, is_silent: bool, stop: &Arc<AtomicBool>) -> JoinHandle<()> {
         let (address, stop) = (self.address.clone(), Arc::clone(stop));
         std::thread::spawn(move || {
             let _ = rustix::process::nice(19);
@@ -147,7 +149,7 @@ impl Running {
                 if is_silent {
                     std::thread::sleep(Duration::from_millis(100));
                 } else {
-                    draw(&mut page);
+                    acknowledge_next(&mut page);
                 }
             }
         })
@@ -169,15 +171,15 @@ impl Drop for Running {
     }
 }
 
-/// Takes the next message, if one comes, and says that it is drawn.
-fn draw(page: &mut WebSocket<TcpStream>) {
+/// Receives the next message, if there is one, and acknowledges it as drawn.
+fn acknowledge_next(page: &mut WebSocket<TcpStream>) {
     let Ok(Message::Binary(message)) = page.read() else { return };
     let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
     let header: Value = serde_json::from_slice(&message[4..4 + length]).unwrap();
     let _ = page.send(Message::text(format!(r#"{{"type": "shown", "id": {}}}"#, header["id"])));
 }
 
-/// The demo under another name, with the monitor on or off.
+/// Writes the configuration of the demo under another name, with the monitor on or off.
 fn configuration(folder: &Path, is_on: bool) -> PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     let demo = std::fs::read_to_string(root.join("configs/demo.toml")).unwrap();
@@ -185,11 +187,10 @@ fn configuration(folder: &Path, is_on: bool) -> PathBuf {
     let text = demo
         .replace("name = \"demo\"", "name = \"bench\"")
         .replace("\"../demo-output/demo.images\"", &format!("{images:?}"))
-        .replace("\"../demo-output\"", &format!("{folder:?}"))
-        .replace(
-            "enabled = true",
-            &format!("enabled = {is_on}\naddress = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\""),
-        );
+        .replace("\"../demo-output\"", &format!("{folder:?}"));
+    let (others, monitor) = text.split_once("[monitor]").unwrap();
+    let settings = format!("enabled = {is_on}\naddress = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"");
+    let text = format!("{others}[monitor]{}", monitor.replacen("enabled = true", &settings, 1));
     let file = folder.join(format!("monitor-{is_on}.toml"));
     std::fs::write(&file, text).unwrap();
     file
@@ -208,15 +209,15 @@ fn run_for(folder: &Path, configuration: &Path, seconds: u64) {
     assert!(status.unwrap().code().is_some_and(|code| code == 0 || code == 3));
 }
 
-/// CPU time of all processes that something starts and waits for, theirs included.
+/// CPU time of all processes that `run` starts and waits for, with their own child processes.
 fn cpu_s(run: impl FnOnce()) -> f64 {
-    let before = ticks_of_children();
+    let before = child_ticks();
     run();
-    (ticks_of_children() - before) as f64 / rustix::param::clock_ticks_per_second() as f64
+    (child_ticks() - before) as f64 / rustix::param::clock_ticks_per_second() as f64
 }
 
-/// Fields 16 and 17 of proc_pid_stat(5).
-fn ticks_of_children() -> u64 {
+/// CPU time of child processes, clock ticks: fields 16 and 17 of proc_pid_stat(5).
+fn child_ticks() -> u64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
     let fields: Vec<&str> = stat.rsplit_once(')').unwrap().1.split_ascii_whitespace().collect();
     fields[13..15].iter().map(|field| field.parse::<u64>().unwrap()).sum()

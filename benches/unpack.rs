@@ -1,4 +1,4 @@
-//! What unpacking an image costs, in copies of the same result: `cargo bench --bench unpack`.
+//! Cost of unpacking an image, relative to a copy of the result: `cargo bench --bench unpack`.
 
 // A program for people.
 #![allow(clippy::print_stdout)]
@@ -13,7 +13,10 @@ const SIZE_PX: [usize; 2] = [1280, 1024];
 const ROUNDS: usize = 300;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    println!("{} × {} pixels; median of {ROUNDS} rounds, each beside a copy of its result", SIZE_PX[0], SIZE_PX[1]);
+    println!(
+        "{} × {} pixels; median of {ROUNDS} rounds; copies: time relative to a copy of the result",
+        SIZE_PX[0], SIZE_PX[1]
+    );
     for format in SourceFormat::ALL.into_iter().filter(|format| !format.is_compressed()) {
         let [unpack_us, copy_us] = measure(format)?;
         println!("{:<8}{unpack_us:8.0} µs {:6.2} copies", format.name(), unpack_us / copy_us);
@@ -26,14 +29,14 @@ fn measure(format: SourceFormat) -> Result<[f64; 2], Box<dyn Error>> {
     let stride_bytes = format.least_stride_bytes(SIZE_PX[0]);
     let source: Vec<u8> = (0..SIZE_PX[1] * stride_bytes).map(|i| ((i * 7919) >> 3) as u8).collect();
     let mut out = vec![0; SIZE_PX[0] * SIZE_PX[1] * format.pixel_format().bytes()];
-    let tight = out.clone();
+    let copied = out.clone();
     let mut times_us = [Vec::new(), Vec::new()];
     for _ in 0..ROUNDS {
         let start = Instant::now();
         unpack(format, black_box(&source), stride_bytes, SIZE_PX, black_box(&mut out))?;
         times_us[0].push(start.elapsed().as_secs_f64() * 1e6);
         let start = Instant::now();
-        black_box(&mut out).copy_from_slice(black_box(&tight));
+        black_box(&mut out).copy_from_slice(black_box(&copied));
         times_us[1].push(start.elapsed().as_secs_f64() * 1e6);
     }
     Ok(times_us.map(|mut times| {

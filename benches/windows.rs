@@ -1,12 +1,14 @@
-//! What the phase maps of a window cost by the number of its steps, in copies of its images: `cargo bench --bench windows`.
+//! Cost of the phase maps of a window by the number of steps, relative to a copy of its images:
+//! `cargo bench --bench windows`.
 //!
-//! Plain decoding of N images, the check of their steps, and decoding of N and two more with motion, of one camera.
+//! Measures for one camera: plain decoding of N images, the sequence check of the window, and decoding of the window (N
+//! images and the extra ones) with motion.
 
 // A program for people.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 #[path = "../tests/sequence_faults/scenes.rs"]
-#[allow(dead_code, reason = "it does not go wrong here")]
+#[allow(dead_code, reason = "only windows without faults are used here")]
 mod scenes;
 
 use std::hint::black_box;
@@ -21,12 +23,15 @@ use scenes::{Injection, MovingScene, shifts_rad};
 
 const SIZE_PX: [usize; 2] = [640, 512];
 const STEPS: [usize; 4] = [3, 4, 8, 16];
-/// Millimetres from image to image.
+/// Motion from image to image, millimetres.
 const SPEEDS_MM: [f64; 2] = [0.0, 0.1];
 const ROUNDS: usize = 15;
 
 fn main() {
-    println!("{} × {} pixels, one camera; median of {ROUNDS} rounds, in copies of the window", SIZE_PX[0], SIZE_PX[1]);
+    println!(
+        "{} × {} pixels, one camera; median of {ROUNDS} rounds, relative to a copy of the window",
+        SIZE_PX[0], SIZE_PX[1]
+    );
     println!("{:>4}{:>12}{:>8}{:>8}{:>8}{:>10}", "N", "mm/image", "plain", "check", "moving", "copy µs");
     for mm_per_image in SPEEDS_MM {
         let images = STEPS[3] + usual_extra_images(STEPS[3]);

@@ -1,15 +1,15 @@
-//! A stage of one's own between two workers: correspondences that are not sure enough make no points.
+//! Adds a stage between two workers: it removes correspondences with a low confidence, so they become no points.
 //!
 //! ```text
-//!  images ─► PhaseWorker ─► CorrespondenceWorker ─► SureOnly ─► CloudWorker ─► cloud
-//!                                                   (ours)
+//!  images ─► PhaseWorker ─► CorrespondenceWorker ─► ConfidenceFilter ─► CloudWorker ─► cloud
+//!                                                   (this example)
 //! cargo run --release --example custom_stage -- FOLDER CLOUD.ply MIN_CONFIDENCE
 //! ```
 //!
-//! A worker is a type with `step(input, &mut output)`. It knows no channel, no file and no clock, so the same stage runs
-//! here, in a service and in a test.
+//! A worker is a type with `step(input, &mut output)`. It uses no channel, file or clock, so the same stage runs here,
+//! in a service and in a test.
 
-#![expect(clippy::print_stdout, reason = "an example prints what it did")]
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::error::Error;
 use std::path::Path;
@@ -22,21 +22,21 @@ use fringeflow::phase::{PhaseShifts, Validity};
 use fringeflow::worker::{CloudWorker, CorrespondenceWorker, Correspondences, PhasePair, PhaseWorker};
 use fringeflow_dataset::{CameraId, Dataset, GreyImage};
 
-/// Leaves out correspondences that are less sure than a limit, and counts them.
-struct SureOnly {
+/// Removes correspondences below a confidence limit, and counts them.
+struct ConfidenceFilter {
     min_confidence: f32,
     passed: u64,
     dropped: u64,
 }
 
-impl SureOnly {
+impl ConfidenceFilter {
     fn new(min_confidence: f32) -> Self {
         Self { min_confidence, passed: 0, dropped: 0 }
     }
 
-    /// Works in place: the next worker takes what is left. What is taken is passed or dropped, and counted as that.
-    fn step(&mut self, found: &mut Correspondences) {
-        let matches = &mut found.matches;
+    /// Filters in place. Counts each correspondence as passed or dropped.
+    fn step(&mut self, correspondences: &mut Correspondences) {
+        let matches = &mut correspondences.matches;
         for pixel in 0..matches.outcomes.len() {
             if !matches.outcomes[pixel].is_found() {
                 continue;
@@ -46,7 +46,7 @@ impl SureOnly {
                 continue;
             }
             self.dropped += 1;
-            // A pixel without a point has no candidate and no confidence.
+            // A pixel without a correspondence must have neither candidate nor confidence.
             matches.outcomes[pixel] = Outcome::Ambiguous;
             matches.chosen.clear(pixel);
             matches.confidence[pixel] = Confidence::NONE;
@@ -67,23 +67,24 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut phase = PhaseWorker::new(&setup.rig, pattern, &shifts, Validity::default());
     let mut correspondence = CorrespondenceWorker::new(Arc::clone(&table), &shifts, MatchSettings::default());
-    let mut sure_only = SureOnly::new(min_confidence.parse()?);
+    let mut filter = ConfidenceFilter::new(min_confidence.parse()?);
     let mut cloud = CloudWorker::new(&setup.rig, table)?;
 
-    let numbers: Vec<usize> = (0..setup.steps).collect();
-    let images = [CameraId::Cam1, CameraId::Cam2].map(|camera| dataset.phase_images(camera, &numbers));
+    let image_numbers: Vec<usize> = (0..setup.steps).collect();
+    let images = [CameraId::Cam1, CameraId::Cam2].map(|camera| dataset.phase_images(camera, &image_numbers));
     let [cam1, cam2] = images;
     let (cam1, cam2) = (cam1?, cam2?);
 
-    // Outputs live as long as the workers: the next window uses their memory again.
-    let (mut maps, mut found, mut points) = (PhasePair::default(), Correspondences::default(), Cloud::default());
+    // Keep the outputs as long as the workers: each window reuses their memory.
+    let (mut maps, mut correspondences) = (PhasePair::default(), Correspondences::default());
+    let mut points = Cloud::default();
     phase.step(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None, &mut maps)?;
-    correspondence.step(&maps, &mut found)?;
-    sure_only.step(&mut found);
-    cloud.step(&found, &mut points);
+    correspondence.step(&maps, &mut correspondences)?;
+    filter.step(&mut correspondences);
+    cloud.step(&correspondences, &mut points);
 
     points.write(Path::new(target), &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
-    println!("{} correspondences passed, {} dropped as unsure", sure_only.passed, sure_only.dropped);
+    println!("{} correspondences passed, {} dropped for low confidence", filter.passed, filter.dropped);
     println!("{} points in {target}", points.points.len());
     Ok(())
 }

@@ -1,12 +1,13 @@
-//! A dataset folder becomes a point cloud: read images and rig, build the segment table, reconstruct, write a PLY.
+//! Turns a dataset folder into a point cloud: reads images and rig, builds the segment table, reconstructs, writes a
+//! PLY file.
 //!
 //! ```text
 //! cargo run --release --example reconstruct_dataset -- FOLDER CLOUD.ply
 //! ```
 //!
-//! `fringeflow simulate nose -o FOLDER` makes a folder to try it with.
+//! `fringeflow simulate --object nose -o FOLDER` makes such a folder.
 
-#![expect(clippy::print_stdout, reason = "an example prints what it did")]
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -23,25 +24,25 @@ fn main() -> Result<(), Box<dyn Error>> {
     let dataset = Dataset::open(&folder, None)?;
     let setup = &dataset.setup;
 
-    // What depends on the rig alone is computed once, and serves any number of windows.
+    // Table and reconstructor depend only on the rig and the pattern: build them once, for any number of windows.
     let volume = setup.volume.as_ref().ok_or("meta.json states no measurement volume")?;
     let pattern = &setup.sequence.pattern;
     let table = SegmentTable::build(&setup.rig, volume, pattern)?;
     let shifts = PhaseShifts::new(setup.cycle_shifts_rad())?;
     let mut reconstructor = Reconstructor::new(&setup.rig, pattern, table, &shifts, Settings::default())?;
 
-    let numbers: Vec<usize> = (0..setup.steps).collect();
-    let cam1 = dataset.phase_images(CameraId::Cam1, &numbers)?;
-    let cam2 = dataset.phase_images(CameraId::Cam2, &numbers)?;
-    let made = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None)?;
+    let image_numbers: Vec<usize> = (0..setup.steps).collect();
+    let cam1 = dataset.phase_images(CameraId::Cam1, &image_numbers)?;
+    let cam2 = dataset.phase_images(CameraId::Cam2, &image_numbers)?;
+    let result = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None)?;
 
-    // Every pixel of camera 1 ends in one outcome: a point, or the reason why it has none.
+    // Every pixel of camera 1 has one outcome: a point, or the reason why it has none.
     for outcome in Outcome::ALL {
-        let pixels = made.matches.outcomes.iter().filter(|&&o| o == outcome).count();
+        let pixels = result.matches.outcomes.iter().filter(|&&o| o == outcome).count();
         println!("{:<18} {pixels:>8} pixels", outcome.name());
     }
-    made.cloud.write(&target, &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
-    println!("{} points in {}", made.cloud.points.len(), target.display());
+    result.cloud.write(&target, &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
+    println!("{} points in {}", result.cloud.points.len(), target.display());
     Ok(())
 }
 

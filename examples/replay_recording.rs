@@ -1,10 +1,10 @@
-//! A recording goes through the workers again: what is in it, and whether every cloud comes out the same to the byte.
+//! Replays a recording through the workers: prints its contents, and checks that every cloud is the same, byte by byte.
 //!
 //! ```text
 //! cargo run --release --example replay_recording -- recordings/tooth.mcap
 //! ```
 
-#![expect(clippy::print_stdout, reason = "an example prints what it did")]
+#![expect(clippy::print_stdout, reason = "an example prints its results")]
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("{:<20} {:>6} messages", topic.name(), recording.count(topic));
     }
 
-    // Images and priors are those of the recording, so the number of threads and the machine make no difference.
+    // Images and priors come from the recording, so neither the number of threads nor the machine matters.
     let clouds = verify(&recording, |cloud| println!("cloud {}: {} points", cloud.published, cloud.points))?;
     let same = clouds.iter().filter(|cloud| cloud.outcome == VerifyOutcome::Same).count();
     println!("{same} of {} clouds are the same to the byte", clouds.len());

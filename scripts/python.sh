@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Prints the path of a Python that has the packages of tests/python/requirements.txt; makes it under target/ when it is
-# missing or out of date.
+# Prints the path of a Python with the packages of tests/python/requirements.txt. Creates this environment in target/ if
+# it is missing or out of date.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly requirements=tests/python/requirements.txt
 readonly environment=${CARGO_TARGET_DIR:-target}/python
 
-# Tests ask for it side by side; the first makes it, the others wait.
+# Several tests may run this at once: the first one creates the environment, the others wait.
 mkdir -p "$environment"
 exec 9>"$environment/.lock"
 flock 9

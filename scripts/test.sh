@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Every check a change must pass, the fastest first; stops at the first that fails.
+# Runs every check that a change must pass, the fastest first. Stops at the first failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -10,12 +10,12 @@ step() {
 
 step cargo fmt --all --check
 step cargo clippy --workspace --all-targets --locked -- -D warnings
-# Unit, integration and documentation tests; tests/licences.rs holds the dependencies to deny.toml.
+# Unit, integration and documentation tests. tests/licences.rs checks the dependencies against deny.toml.
 step cargo test --workspace --locked
-# That the benches run, on small images and without their peers.
+# Checks that the benches run, on small images and without their peers.
 step cargo test --locked --bench kernels --bench ratios
 RUSTDOCFLAGS="-D warnings" step cargo doc --workspace --no-deps --locked
-# cargo-deny and shellcheck take long to get on a bare machine; where they are, they check more.
+# cargo-deny and shellcheck take long to install, so they run only if present.
 if command -v cargo-deny >/dev/null; then
     step cargo deny --locked check bans licenses sources
 fi

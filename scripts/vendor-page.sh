@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Fetches the libraries of the monitor's page, pinned by version and checksum, and puts what is needed of them into
-# services/monitor/page/vendor, where it is committed: building and running need no network. The same bytes every time.
-# Needs npm, for its registry alone. Exit codes: 0 all there, 1 a download or a checksum failed.
+# Downloads the JavaScript libraries of the monitor's page, pinned by version and checksum, and puts the needed files
+# into services/monitor/page/vendor. They are committed, so building and running need no network. The result is the
+# same, byte by byte, every time. Needs npm, only to download from its registry. Exit codes: 0 done, 1 a download or a
+# checksum failed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 readonly vendor=services/monitor/page/vendor
 
-# From 0.186 on the package of three has no minified files.
+# From 0.186 on, the package three has no minified files.
 readonly uplot=1.6.32 three=0.185.1
 readonly checksums="\
 2883159c6ebccefbb95d751b0b82d010f9e1c0ec41b8bc96d401eda66e882935c89a46cb824332fa369b8cb8122cc6ac36e186cd09bf7a9ded3a4c93c6989023  uplot-$uplot.tgz
@@ -21,7 +22,7 @@ download() {
     (cd "$work" && sha512sum --check --quiet <<<"$checksums")
 }
 
-# One file of a package, to standard output.
+# Writes one file of a package to standard output.
 unpack() {
     tar --extract --gzip --to-stdout --file "$work/$1.tgz" "package/$2"
 }
@@ -30,7 +31,7 @@ collect_uplot() {
     mkdir -p "$vendor/uplot"
     unpack "uplot-$uplot" LICENSE >"$vendor/uplot/LICENSE"
     unpack "uplot-$uplot" dist/uPlot.min.css >"$vendor/uplot/uPlot.min.css"
-    # Only the form for script tags is minified; with an export it is a module.
+    # Only the build for script tags is minified. The added export makes it a module.
     { unpack "uplot-$uplot" dist/uPlot.iife.min.js && echo 'export default uPlot;'; } >"$vendor/uplot/uPlot.min.js"
 }
 
@@ -39,7 +40,7 @@ collect_three() {
     unpack "three-$three" LICENSE >"$vendor/three/LICENSE"
     unpack "three-$three" build/three.core.min.js >"$vendor/three/three.core.min.js"
     unpack "three-$three" build/three.module.min.js >"$vendor/three/three.module.min.js"
-    # A bare name would need an import map, which the page's Content-Security-Policy does not let in.
+    # A bare module name would need an import map, which the page's Content-Security-Policy forbids.
     unpack "three-$three" examples/jsm/controls/OrbitControls.js |
         sed "s|^} from 'three';\$|} from './three.module.min.js';|" >"$vendor/three/OrbitControls.js"
     grep --quiet "from './three.module.min.js'" "$vendor/three/OrbitControls.js"

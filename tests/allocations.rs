@@ -1,4 +1,4 @@
-//! A window like those before it asks for no memory: whatever it needs is kept from the one before.
+//! After warm-up, windows allocate no memory: each reuses the memory of the previous one.
 
 #[path = "../benches/ratios/counting_allocator.rs"]
 mod counting_allocator;
@@ -18,24 +18,25 @@ use scenes::{Geometry, Images, SMALL_PX, Scene, Workers};
 static ALLOCATOR: counting_allocator::CountingAllocator = counting_allocator::CountingAllocator;
 
 const STEPS: usize = 4;
-/// Windows that warm up, and those that are counted.
+/// Windows for warm-up, and windows that are measured.
 const WARM_UP: usize = 3;
-const COUNTED: usize = 3;
+const MEASURED: usize = 3;
 
 #[test]
-fn windows_ask_for_no_memory_after_warm_up() {
-    // This thread is the whole pool: to hand work to others asks for memory now and then, by its own and not by a window.
+fn windows_allocate_nothing_after_warm_up() {
+    // Use this thread as the whole pool: handing work to other threads allocates now and then, independently of
+    // windows.
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global().unwrap();
     let scene = Scene::new(Geometry::Easy, SMALL_PX);
     let table = Arc::new(scene.table());
     let [resting, moving] = [scene.images(STEPS, PixelFormat::Grey), scene.moving_images(STEPS)];
     for (name, window) in [("resting", resting.levels()), ("moving", moving_window(&moving))] {
         let mut workers = Workers::with_table(&scene, Arc::clone(&table), STEPS);
-        assert_eq!(asked(|| _ = workers.cloud(0, &window)), [0, 0], "{name}");
+        assert_eq!(count_allocations(|| _ = workers.cloud(0, &window)), [0, 0], "{name}");
         assert!(workers.points.points.len() > 10_000);
     }
 
-    // What the phase alone may have to do beside the usual: many saturated samples, and images of different brightness.
+    // Cases that concern only the phase: many saturated samples, images of different brightness, and the check at rest.
     let [bright, flickering] = [bright(resting), flickering(moving)];
     let longer = scene.images(2 * STEPS, PixelFormat::Grey);
     let windows = [
@@ -45,42 +46,43 @@ fn windows_ask_for_no_memory_after_warm_up() {
     ];
     for (name, steps, window) in windows {
         let mut workers = Workers::with_table(&scene, Arc::clone(&table), steps);
-        assert_eq!(asked(|| workers.decode(0, &window)), [0, 0], "{name}");
+        assert_eq!(count_allocations(|| workers.decode(0, &window)), [0, 0], "{name}");
         assert!(workers.maps.cam1.fit.valid_pixels > 10_000, "{name}");
     }
     assert!(saturated_share(&bright.levels()[0]) > 0.1);
 }
 
-/// The images of a window whose motion is compensated.
+/// The images of a window with motion compensation.
 fn moving_window(images: &Images) -> [Vec<GreyLevels<'_>>; 2] {
     images.levels().map(|levels| levels[..STEPS + usual_extra_images(STEPS)].to_vec())
 }
 
-/// Images of three times the light.
+/// The same images, three times as bright.
 fn bright(mut images: Images) -> Images {
-    let of_all = images.cameras.iter_mut().flatten().flat_map(|image| &mut image.pixels);
-    of_all.for_each(|grey| *grey = grey.saturating_mul(3));
+    let pixels = images.cameras.iter_mut().flatten().flat_map(|image| &mut image.pixels);
+    pixels.for_each(|grey| *grey = grey.saturating_mul(3));
     images
 }
 
-/// Images every third of which is darker than the others.
+/// The same images, every third one darker by a fifth.
 fn flickering(mut images: Images) -> Images {
-    let of_third = images.cameras.iter_mut().flat_map(|images| images.iter_mut().step_by(3));
-    of_third.flat_map(|image| &mut image.pixels).for_each(|grey| *grey -= *grey / 5);
+    let darkened = images.cameras.iter_mut().flat_map(|images| images.iter_mut().step_by(3));
+    darkened.flat_map(|image| &mut image.pixels).for_each(|grey| *grey -= *grey / 5);
     images
 }
 
-/// Share of the pixels that are saturated in the first image.
+/// Share of saturated pixels in the first image.
 fn saturated_share(levels: &[GreyLevels<'_>]) -> f64 {
     let bytes = levels[0].bytes;
     bytes.iter().filter(|&&grey| grey == u8::MAX).count() as f64 / bytes.len() as f64
 }
 
-/// Calls and bytes of some windows, after others.
-fn asked(mut window: impl FnMut()) -> [u64; 2] {
+/// Counts allocations and their bytes over [`MEASURED`] windows, after [`WARM_UP`] others. Checks that the memory held
+/// does not grow.
+fn count_allocations(mut window: impl FnMut()) -> [u64; 2] {
     (0..WARM_UP).for_each(|_| window());
     let ([calls, bytes], before) = (allocated(), held());
-    (0..COUNTED).for_each(|_| window());
+    (0..MEASURED).for_each(|_| window());
     let ([more_calls, more_bytes], after) = (allocated(), held());
     assert_eq!(after, before, "bytes held");
     [more_calls - calls, more_bytes - bytes]

@@ -1,4 +1,4 @@
-//! Every example does what its head says.
+//! Every example does what its documentation says.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "an example that cannot be run fails the test")]
 
@@ -30,7 +30,7 @@ fn printed(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// A folder with a simulated plane.
+/// A dataset of a simulated plane, with the folder that holds it.
 fn dataset() -> (TempDir, PathBuf) {
     let options = SimulationOptions {
         board: Board::None,
@@ -47,14 +47,14 @@ fn dataset() -> (TempDir, PathBuf) {
     (folder, set)
 }
 
-/// The number before a word in what was printed.
+/// The number before a word in the output.
 fn number_before(text: &str, word: &str) -> u64 {
     let before = &text[..text.find(word).unwrap_or_else(|| panic!("no {word:?} in {text}"))];
     before.split_whitespace().next_back().unwrap().parse().unwrap()
 }
 
 #[test]
-fn reconstruct_dataset_writes_the_cloud_that_it_counts() {
+fn reconstruct_dataset_writes_as_many_points_as_it_prints() {
     let (folder, set) = dataset();
     let cloud = folder.path().join("cloud.ply");
     let text = printed(&run("reconstruct_dataset", &[&set, &cloud]));
@@ -66,7 +66,7 @@ fn reconstruct_dataset_writes_the_cloud_that_it_counts() {
 }
 
 #[test]
-fn custom_stage_accounts_for_every_correspondence() {
+fn custom_stage_counts_every_correspondence() {
     let (folder, set) = dataset();
     let cloud = |limit: &str| {
         let target = folder.path().join(format!("{limit}.ply"));
@@ -81,14 +81,14 @@ fn custom_stage_accounts_for_every_correspondence() {
 }
 
 #[test]
-fn replay_recording_finds_every_cloud_the_same() {
+fn replay_recording_reproduces_every_cloud() {
     let recording = Path::new(env!("CARGO_MANIFEST_DIR")).join("../recordings/cycle.mcap");
     let text = printed(&run("replay_recording", &[&recording]));
     assert!(text.contains("17 of 17 clouds are the same to the byte"), "{text}");
 }
 
 #[test]
-fn subscribe_clouds_receives_what_an_instance_sends() {
+fn subscribe_clouds_receives_the_clouds_of_an_instance() {
     let folder = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
     let instance = Instance::in_folder(folder.path(), "examples").unwrap();
     let node = Node::open(&instance, "publisher").unwrap();

@@ -1,7 +1,6 @@
-//! Every dependency's licence is on the list of `deny.toml`.
+//! The licence of every dependency is on the list in `deny.toml`, which `cargo deny` reads too.
 //!
-//! The list stands in `deny.toml` alone; `cargo deny` reads the same one. Dependencies are those of this machine's
-//! platform: what others would download need not be here.
+//! Checks only the dependencies on this machine's platform: those of other platforms need not be downloaded here.
 
 use std::error::Error;
 use std::path::Path;
@@ -22,14 +21,14 @@ fn every_dependency_has_an_allowed_licence() {
     let refused: Vec<String> = packages.iter().filter_map(|package| refusal(package, &allowed)).collect();
     assert!(
         refused.is_empty(),
-        "{}\nreplace the dependency, or, if its licence asks for no more than its notice, add that to [licenses] allow of \
-         deny.toml",
+        "{}\nreplace the dependency; or, if its licence requires only its notice to be kept, add it to [licenses] \
+         allow in deny.toml",
         refused.join("\n")
     );
 }
 
 #[test]
-fn expressions_are_read_as_logic() {
+fn licence_expressions_are_evaluated() {
     let allowed = allowed_licences("[licenses]\nallow = ['MIT', 'Zlib', 'Apache-2.0 WITH LLVM-exception']").unwrap();
     for accepted in [
         "MIT",
@@ -50,14 +49,14 @@ fn expressions_are_read_as_logic() {
 }
 
 #[test]
-fn a_misspelt_entry_of_the_list_is_an_error() {
+fn an_invalid_list_is_an_error() {
     assert!(allowed_licences("[licenses]\nallow = ['MTI']").is_err());
     assert!(allowed_licences("[licenses]\nallow = []").is_err());
     assert!(allowed_licences("[bans]").is_err());
 }
 
 #[test]
-fn libraries_of_the_page_are_whole_and_carry_their_licence() {
+fn vendored_libraries_are_intact_and_carry_their_licence() {
     let vendor = Path::new(env!("CARGO_MANIFEST_DIR")).join("../services/monitor/page/vendor");
     let sums = std::fs::read_to_string(vendor.join("SHA256SUMS")).unwrap();
     let mut listed = Vec::new();
@@ -65,15 +64,15 @@ fn libraries_of_the_page_are_whole_and_carry_their_licence() {
         let (sum, name) = line.split_once("  ").unwrap();
         let found: String =
             Sha256::digest(std::fs::read(vendor.join(name)).unwrap()).iter().map(|b| format!("{b:02x}")).collect();
-        assert_eq!(found, sum, "{name} is not what scripts/vendor-page.sh makes; run it again");
+        assert_eq!(found, sum, "{name} differs from the output of scripts/vendor-page.sh; run the script again");
         listed.push(vendor.join(name));
     }
     let folders = std::fs::read_dir(&vendor).unwrap().flatten().map(|entry| entry.path()).filter(|path| path.is_dir());
     for folder in folders {
         let licence = std::fs::read_to_string(folder.join("LICENSE")).unwrap();
-        assert!(licence.contains("MIT License"), "{}: which licence is this?", folder.display());
+        assert!(licence.contains("MIT License"), "{}: unknown licence", folder.display());
         for file in std::fs::read_dir(&folder).unwrap().flatten() {
-            assert!(listed.contains(&file.path()), "{} is not listed", file.path().display());
+            assert!(listed.contains(&file.path()), "{} is not in SHA256SUMS", file.path().display());
         }
     }
 }
@@ -87,7 +86,7 @@ fn allowed_licences(deny_toml: &str) -> Outcome<Vec<Licensee>> {
     entries.map(|entry| Ok(Licensee::parse(entry?)?)).collect()
 }
 
-/// What cargo knows of the workspace and its dependencies.
+/// Metadata of the workspace and its dependencies, from cargo.
 fn metadata() -> Outcome<Value> {
     let platform = host_platform()?;
     let output = Command::new(env!("CARGO"))
@@ -100,7 +99,7 @@ fn metadata() -> Outcome<Value> {
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
-/// The triple this test was built on, as `rustc -vV` names it.
+/// The target triple of this machine, from `rustc -vV`.
 fn host_platform() -> Outcome<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let version = String::from_utf8(Command::new(rustc).arg("-vV").output()?.stdout)?;
@@ -114,10 +113,10 @@ fn refusal(package: &Value, allowed: &[Licensee]) -> Option<String> {
     Some(format!("{} {}: {objection}", text("name"), text("version")))
 }
 
-/// Why a licence expression is not acceptable; `None` if it is.
+/// Why a licence expression is not acceptable; `None` if it is acceptable.
 fn objection(licence: Option<&str>, allowed: &[Licensee]) -> Option<String> {
     let Some(licence) = licence else { return Some("states no licence".to_owned()) };
-    // Older packages write `MIT/Apache-2.0` for a choice.
+    // Older packages write a choice as `MIT/Apache-2.0`; lax mode accepts that.
     match Expression::parse_mode(licence, ParseMode::LAX) {
         Err(error) => Some(format!("{licence:?} is no SPDX expression: {}", error.reason)),
         Ok(expression) => {

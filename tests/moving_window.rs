@@ -1,4 +1,4 @@
-//! A window of a slowly moving scanner yields nearly what one of a scanner at rest does.
+//! A window of a slowly moving scanner gives nearly as good a cloud as one of a scanner at rest.
 
 #![expect(clippy::unwrap_used, reason = "a scanner that cannot be simulated fails the test")]
 
@@ -37,7 +37,7 @@ fn scanner(sweep: SweepOptions) -> VirtualScanner {
     .unwrap()
 }
 
-/// com and fpc of the window that begins with the first pose, against the truth of its middle.
+/// Scores of the window that starts with the first pose, against the ground truth at its middle.
 fn scores(scanner: &VirtualScanner) -> Scores {
     let (rig, options) = (scanner.rig(), scanner.options());
     let images = ImageLoop::render(scanner, |_| ControlFlow::Continue(())).unwrap().unwrap();
@@ -47,7 +47,7 @@ fn scores(scanner: &VirtualScanner) -> Scores {
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
     let mut reconstructor =
         Reconstructor::new(&rig.calibrated, &rig.columns, table, &shifts, Settings::default()).unwrap();
-    let made = reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2), None).unwrap();
+    let result = reconstructor.reconstruct(0, &window(CameraId::Cam1), &window(CameraId::Cam2), None).unwrap();
 
     let scene = Scene::from_object(options.object, options.board, &rig.exact_volume);
     let scene = scene.at(scanner.cam1_from_object(STEPS / 2));
@@ -58,11 +58,11 @@ fn scores(scanner: &VirtualScanner) -> Scores {
         exact_cam1_from_volume: *rig.exact_volume.cam1_from_volume(),
         unit_m: 1e-3,
     };
-    against_rendered(&made.cloud, SIZE_PX, &truth, &frames).unwrap().scores
+    against_rendered(&result.cloud, SIZE_PX, &truth, &frames).unwrap().scores
 }
 
 #[test]
-fn three_hundredths_of_a_millimetre_from_image_to_image_cost_little() {
+fn motion_of_0_03_mm_per_image_costs_little() {
     let resting = scores(&scanner(RESTING));
     let slow = SweepOptions { poses: 16, travel_mm: [0.075, 0.075, 0.01], turn_deg: [0.01, 0.01, 0.02], ..RESTING };
     let moving = scanner(slow);

@@ -1,4 +1,5 @@
-//! What the windows before tell: a moving scene is measured nearly as one at rest, and a wrong prior never makes a false point.
+//! Priors from earlier windows: with the right prior, a moving scene is measured nearly as well as one at rest. A wrong
+//! prior makes no false points.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
 
@@ -18,7 +19,7 @@ use fringeflow_tracking::fusion::{FusionSettings, Tracker};
 const SIZE_PX: [usize; 2] = [320, 256];
 const STEPS: usize = 4;
 const WINDOW: usize = 6;
-/// First image of the window whose middle the truth belongs to.
+/// First image of the window in the middle of the sequence, at the moment of the truth.
 const MIDDLE: usize = 5;
 const SPACING_NS: u64 = 10_000_000;
 
@@ -28,7 +29,7 @@ struct Scene {
 }
 
 impl Scene {
-    /// A body that moves by half a millimetre and 0.1° from image to image.
+    /// An object that moves by 0.5 mm and 0.1° from image to image.
     fn new() -> Self {
         let usual = SimulationOptions::usual(Object::Nose);
         let rig = RigOptions { size_px: SIZE_PX, period_px: 24.0, ..usual.rig };
@@ -63,88 +64,88 @@ impl Scene {
         CameraId::BOTH.map(|camera| self.dataset.phase_images(camera, &numbers).unwrap())
     }
 
-    /// The window in the middle, with what is said to be known of it.
-    fn middle(&self, known: Option<(&Prior, Moment)>) -> Reconstruction {
+    /// Reconstructs the window in the middle, with a prior if given.
+    fn reconstruct_middle(&self, prior: Option<(&Prior, Moment)>) -> Reconstruction {
         let [cam1, cam2] = self.images(MIDDLE);
         let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-        self.reconstructor().reconstruct(MIDDLE % STEPS, &cam1, &cam2, known).unwrap()
+        self.reconstructor().reconstruct(MIDDLE % STEPS, &cam1, &cam2, prior).unwrap()
     }
 
-    fn scores(&self, made: &Reconstruction) -> Scores {
+    fn scores(&self, result: &Reconstruction) -> Scores {
         let Some(Truth::Rendered(truth)) = self.dataset.truth().unwrap() else {
             panic!("no truth of a rendered scene")
         };
-        against_rendered(&made.cloud, SIZE_PX, &truth, &Frames::from_setup(&self.dataset.setup)).unwrap().scores
+        against_rendered(&result.cloud, SIZE_PX, &truth, &Frames::from_setup(&self.dataset.setup)).unwrap().scores
     }
 
-    /// The same window as the last of a stream, and what it was told.
-    fn streamed(&self) -> (Reconstruction, Prior) {
+    /// Reconstructs the same window as the last one of a tracked stream. Returns its prior too.
+    fn reconstruct_stream(&self) -> (Reconstruction, Prior) {
         let tracker = Tracker::new(self.dataset.setup.rig.cam1.clone(), FusionSettings::default());
         let mut stream = TrackedStream::new(self.reconstructor(), tracker);
-        let mut told = None;
+        let mut prior = None;
         for start in 0..=MIDDLE {
             let [cam1, cam2] = self.images(start);
             let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
             let first_ns = start as u64 * SPACING_NS;
             let times =
                 WindowTimes { exposures_ns: [first_ns, first_ns + (WINDOW as u64 - 1) * SPACING_NS], images: WINDOW };
-            let made = stream.reconstruct(start % STEPS, &cam1, &cam2, &times).unwrap();
+            let result = stream.reconstruct(start % STEPS, &cam1, &cam2, &times).unwrap();
             if start == MIDDLE {
-                return (made, told.unwrap());
+                return (result, prior.unwrap());
             }
-            stream.track(&made, &times);
-            told = stream.tracker().prior(made.matches.drift.as_ref().map(Drift::to_known));
+            stream.track(&result, &times);
+            prior = stream.tracker().prior(result.matches.drift.as_ref().map(Drift::to_known));
         }
         panic!("the window in the middle was not reached")
     }
 }
 
 #[test]
-fn a_known_motion_makes_a_moving_scene_nearly_as_good_as_one_at_rest_and_a_wrong_one_harms_nothing() {
+fn a_right_prior_helps_and_a_wrong_one_does_no_harm() {
     let scene = Scene::new();
-    let alone = scene.scores(&scene.middle(None));
-    let (streamed, told) = scene.streamed();
+    let alone = scene.scores(&scene.reconstruct_middle(None));
+    let (streamed, right) = scene.reconstruct_stream();
     let known = scene.scores(&streamed);
     assert!(known.com_percent > 96.5 && known.com_percent > alone.com_percent + 3.0, "{known:?}; alone {alone:?}");
     assert!(known.fpc_percent < 0.1, "{known:?}");
 
     let moment = Moment { age_s: 0.01, spacing_s: 0.01 };
-    let moving = |velocity_m_s: Vector3, rate_rad_s: Vector3| Prior {
+    let with_motion = |velocity_m_s: Vector3, rate_rad_s: Vector3| Prior {
         motion: RigidMotion { velocity_m_s, rate_rad_s },
-        relief: told.relief.clone(),
-        drift: told.drift,
+        relief: right.relief.clone(),
+        drift: right.drift,
     };
-    let drifting = |place: usize, by: f32| {
-        let mut numbers = told.drift.unwrap().to_numbers();
-        numbers[place] += by;
-        Prior { drift: KnownDrift::from_numbers(numbers), ..told.clone() }
+    let with_drift = |index: usize, change: f32| {
+        let mut numbers = right.drift.unwrap().to_numbers();
+        numbers[index] += change;
+        Prior { drift: KnownDrift::from_numbers(numbers), ..right.clone() }
     };
-    let RigidMotion { velocity_m_s, rate_rad_s } = told.motion;
-    let still = Relief::from_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
-    let wrong = [
-        ("the other way", moving(-velocity_m_s, -rate_rad_s)),
-        ("across", moving(Vector3::new(velocity_m_s.y, -velocity_m_s.z, velocity_m_s.x), rate_rad_s)),
-        ("three times as fast", moving(3.0 * velocity_m_s, 3.0 * rate_rad_s)),
-        ("a metre an image", moving(Vector3::repeat(60.0), Vector3::zeros())),
-        ("spinning", moving(Vector3::zeros(), Vector3::repeat(40.0))),
-        ("nowhere", moving(Vector3::repeat(f64::NAN), rate_rad_s)),
-        ("of another thing", Prior { relief: still, ..told.clone() }),
+    let RigidMotion { velocity_m_s, rate_rad_s } = right.motion;
+    let single_point = Relief::from_points(SIZE_PX, std::iter::once(([160, 128], 0.1)));
+    let wrong_motions = [
+        ("opposite direction", with_motion(-velocity_m_s, -rate_rad_s)),
+        ("other direction", with_motion(Vector3::new(velocity_m_s.y, -velocity_m_s.z, velocity_m_s.x), rate_rad_s)),
+        ("three times as fast", with_motion(3.0 * velocity_m_s, 3.0 * rate_rad_s)),
+        ("a metre per image", with_motion(Vector3::repeat(60.0), Vector3::zeros())),
+        ("spinning", with_motion(Vector3::zeros(), Vector3::repeat(40.0))),
+        ("not a number", with_motion(Vector3::repeat(f64::NAN), rate_rad_s)),
+        ("relief of another scene", Prior { relief: single_point, ..right.clone() }),
     ];
-    let of_other_calibrations = [
-        ("δ off by 3°", drifting(1, 0.008)),
-        ("δ off by 15°", drifting(1, 0.04)),
-        ("a pixel off", drifting(2, 1.0)),
-        ("many pixels off", drifting(3, -40.0)),
-        ("without bounds", drifting(4, f32::MAX)),
-        ("of no scatter", drifting(0, -0.99 * told.drift.unwrap().to_numbers()[0])),
+    let wrong_drifts = [
+        ("δ off by 3°", with_drift(1, 0.008)),
+        ("δ off by 15°", with_drift(1, 0.04)),
+        ("a pixel off", with_drift(2, 1.0)),
+        ("many pixels off", with_drift(3, -40.0)),
+        ("unbounded", with_drift(4, f32::MAX)),
+        ("no scatter", with_drift(0, -0.99 * right.drift.unwrap().to_numbers()[0])),
     ];
-    for (name, prior) in of_other_calibrations {
-        let scores = scene.scores(&scene.middle(Some((&prior, moment))));
+    for (name, prior) in wrong_drifts {
+        let scores = scene.scores(&scene.reconstruct_middle(Some((&prior, moment))));
         assert!(scores.fpc_percent < known.fpc_percent + 0.02, "{name}: {scores:?}; known {known:?}");
         assert!(scores.com_percent > known.com_percent - 0.2, "{name}: {scores:?}; known {known:?}");
     }
-    for (name, prior) in wrong {
-        let scores = scene.scores(&scene.middle(Some((&prior, moment))));
+    for (name, prior) in wrong_motions {
+        let scores = scene.scores(&scene.reconstruct_middle(Some((&prior, moment))));
         assert!(scores.fpc_percent < alone.fpc_percent.max(0.05) + 0.05, "{name}: {scores:?}; alone {alone:?}");
         assert!(scores.com_percent > alone.com_percent - 1.0, "{name}: {scores:?}; alone {alone:?}");
     }

@@ -1,4 +1,5 @@
-//! What makes the harder scenes of the virtual scanner hard is really in them, and their truth says so.
+//! The harder scenes of the virtual scanner contain the difficulties that they are made for, and their ground truth
+//! states them.
 
 #![expect(clippy::unwrap_used, reason = "a scene that cannot be simulated fails the test")]
 
@@ -15,39 +16,40 @@ fn options(object: Object, board: Board) -> SimulationOptions {
     SimulationOptions { board, steps: 4, gray: false, noise: NoiseLevel::None, supersampling: 1, ..usual }
 }
 
-fn staged(object: Object, board: Board, staging: Staging) -> Simulation {
+fn simulate(object: Object, board: Board, staging: Staging) -> Simulation {
     Simulation::staged(options(object, board), staging).unwrap()
 }
 
 /// Grey levels of a camera under white light.
-fn white(simulation: &Simulation, camera: CameraId) -> Vec<u8> {
+fn white_image(simulation: &Simulation, camera: CameraId) -> Vec<u8> {
     let seed = ImageSeed { seed: 1, camera: 0, image: 0 };
     Sensor::exposed(None, 1.0).image(&simulation.views()[camera as usize], &Projected::White, seed).pixels
 }
 
 fn count(mask: impl IntoIterator<Item = bool>) -> usize {
-    mask.into_iter().filter(|&is| is).count()
+    mask.into_iter().filter(|&is_set| is_set).count()
 }
 
 #[test]
-fn clutter_hides_shadows_swallows_and_reflects() {
-    let simulation = staged(Object::Clutter, Board::Visible, Staging::default());
+fn clutter_occludes_shadows_absorbs_and_reflects() {
+    let simulation = simulate(Object::Clutter, Board::Visible, Staging::default());
     let truth = simulation.truth();
-    let seen = |i: usize| truth.cam2_px[i][0].is_finite() && truth.in_volume[i];
+    let hits_volume = |i: usize| truth.cam2_px[i][0].is_finite() && truth.in_volume[i];
     let pixels = 0..SIZE_PX[0] * SIZE_PX[1];
-    let hidden = count(pixels.clone().map(|i| seen(i) && truth.lit[i] && !truth.seen_by_cam2[i]));
-    let shadowed = count(pixels.map(|i| seen(i) && truth.seen_by_cam2[i] && !truth.lit[i]));
+    let hidden = count(pixels.clone().map(|i| hits_volume(i) && truth.lit[i] && !truth.seen_by_cam2[i]));
+    let shadowed = count(pixels.map(|i| hits_volume(i) && truth.seen_by_cam2[i] && !truth.lit[i]));
     let samples = simulation.views()[0].centres.iter().map(|centre| centre.sample);
     let dark = count(samples.map(|s| s.reflected > 0.0 && (0.05..0.15).contains(&s.albedo)));
-    let saturated = CameraId::BOTH.map(|camera| count(white(&simulation, camera).into_iter().map(|grey| grey == 255)));
+    let saturated =
+        CameraId::BOTH.map(|camera| count(white_image(&simulation, camera).into_iter().map(|grey| grey == 255)));
     assert!(hidden > 5000 && shadowed > 5000, "{hidden} hidden from C2, {shadowed} in shadow");
     assert!(dark > 5000, "{dark} dark");
     assert!(saturated.iter().all(|&count| count > 300), "{saturated:?} saturated");
     assert!(count(truth.measurable.iter().copied()) > 150_000);
 }
 
-/// Sizes of the connected pieces of a mask, pixels.
-fn pieces(mask: &[bool]) -> Vec<usize> {
+/// Sizes of the connected components of a mask, pixels.
+fn component_sizes(mask: &[bool]) -> Vec<usize> {
     let mut left = mask.to_vec();
     let mut sizes = Vec::new();
     for start in 0..mask.len() {
@@ -55,7 +57,7 @@ fn pieces(mask: &[bool]) -> Vec<usize> {
         while let Some(i) = open.pop() {
             if std::mem::take(&mut left[i]) {
                 size += 1;
-                // The border of the image belongs to no piece.
+                // Pixels at the border of the image are never set, so neighbours do not wrap from row to row.
                 open.extend([i.wrapping_sub(1), i + 1, i.wrapping_sub(SIZE_PX[0]), i + SIZE_PX[0]]);
                 open.retain(|&i| i < mask.len());
             }
@@ -66,11 +68,11 @@ fn pieces(mask: &[bool]) -> Vec<usize> {
 }
 
 #[test]
-fn crumbs_are_separate_pieces_of_fifty_pixels_at_any_height() {
-    let simulation = staged(Object::Crumbs, Board::None, Staging::default());
-    let sizes = pieces(&simulation.truth().measurable);
+fn crumbs_are_separate_components_of_50_pixels_at_all_heights() {
+    let simulation = simulate(Object::Crumbs, Board::None, Staging::default());
+    let sizes = component_sizes(&simulation.truth().measurable);
     let mean = sizes.iter().sum::<usize>() as f64 / sizes.len() as f64;
-    assert!(sizes.len() > 100 && (40.0..60.0).contains(&mean), "{} pieces of {mean} pixels", sizes.len());
+    assert!(sizes.len() > 100 && (40.0..60.0).contains(&mean), "{} components of {mean} pixels", sizes.len());
     assert!(sizes.iter().all(|size| (5..90).contains(size)), "{sizes:?}");
     let heights: Vec<f64> = simulation.views()[0].centres.iter().filter_map(|c| Some(c.hit?.point.z)).collect();
     let in_span = |low: f64| heights.iter().filter(|z| (low..low + 6.0).contains(*z)).count();
@@ -78,13 +80,13 @@ fn crumbs_are_separate_pieces_of_fifty_pixels_at_any_height() {
 }
 
 #[test]
-fn a_board_behind_the_volume_is_bright_and_never_measurable() {
+fn a_board_behind_the_volume_is_bright_but_never_measurable() {
     for (object, depth_m) in [(Object::Tooth, 0.025), (Object::Machine, 0.06)] {
         let mut options = options(object, Board::BEHIND);
         options.rig.depth_m = depth_m;
         let simulation = Simulation::new(options).unwrap();
         let truth = simulation.truth();
-        let white = white(&simulation, CameraId::Cam1);
+        let white = white_image(&simulation, CameraId::Cam1);
         let mut board = 0;
         for (i, centre) in simulation.views()[0].centres.iter().enumerate() {
             if centre.hit.is_some_and(|hit| hit.surface == Surface::Board) {
@@ -98,36 +100,37 @@ fn a_board_behind_the_volume_is_bright_and_never_measurable() {
 }
 
 #[test]
-fn behind_a_flap_there_is_no_reference_and_no_light() {
-    let free = staged(Object::Elephant, Board::Visible, Staging::default());
-    let right = |u: f64| u >= SIZE_PX[0] as f64 / 2.0 - 0.5;
+fn a_covered_half_has_no_reference_and_is_black() {
+    let uncovered = simulate(Object::Elephant, Board::Visible, Staging::default());
+    let in_right_half = |u: f64| u >= SIZE_PX[0] as f64 / 2.0 - 0.5;
     for camera in CameraId::BOTH {
         let staging = Staging { covered: Some(camera), ..Staging::default() };
-        let covered = staged(Object::Elephant, Board::Visible, staging);
-        let (truth, before) = (covered.truth(), free.truth());
+        let covered = simulate(Object::Elephant, Board::Visible, staging);
+        let (truth, before) = (covered.truth(), uncovered.truth());
         let mut kept = 0;
         for i in 0..truth.reference.len() {
             let u = (i % SIZE_PX[0]) as f64;
-            let is_hidden = right(if camera == CameraId::Cam1 { u } else { before.cam2_px[i][0].into() });
+            let is_covered = in_right_half(if camera == CameraId::Cam1 { u } else { before.cam2_px[i][0].into() });
             for (now, then) in [
                 (truth.reference[i], before.reference[i]),
                 (truth.measurable[i], before.measurable[i]),
                 (truth.seen_by_cam2[i], before.seen_by_cam2[i]),
             ] {
-                assert_eq!(now, then && !is_hidden, "{camera:?}, pixel {i}");
+                assert_eq!(now, then && !is_covered, "{camera:?}, pixel {i}");
             }
             kept += usize::from(truth.reference[i]);
         }
         assert!(kept > 50_000, "{camera:?}: {kept}");
-        let white = white(&covered, camera);
-        let is_black = |i: usize| !right((i % SIZE_PX[0]) as f64) || white[i] == 2;
-        assert!((0..white.len()).all(is_black), "{camera:?}");
+        let white = white_image(&covered, camera);
+        // 2 is the grey level without light.
+        let is_black_if_covered = |i: usize| !in_right_half((i % SIZE_PX[0]) as f64) || white[i] == 2;
+        assert!((0..white.len()).all(is_black_if_covered), "{camera:?}");
     }
 }
 
 #[test]
-fn what_leaves_the_volume_is_seen_but_not_measurable() {
-    let shifted = |shift_mm| staged(Object::Machine, Board::Visible, Staging { shift_mm, ..Staging::default() });
+fn parts_outside_the_volume_are_seen_but_not_measurable() {
+    let shifted = |shift_mm| simulate(Object::Machine, Board::Visible, Staging { shift_mm, ..Staging::default() });
     for shift_mm in [[35.0, 0.0, 0.0], [0.0, 0.0, -10.0]] {
         let simulation = shifted(shift_mm);
         let truth = simulation.truth();
@@ -135,7 +138,8 @@ fn what_leaves_the_volume_is_seen_but_not_measurable() {
         let (mut inside, mut outside) = (0, 0);
         for (i, centre) in simulation.views()[0].centres.iter().enumerate() {
             let Some(hit) = centre.hit else { continue };
-            // The middle of the object is half a millimetre nearer than half its board, turned towards the sensor.
+            // To the frame of the volume: turned by 180° about x, with z = 12 mm of the object at the centre of the
+            // volume, so the board is 0.5 mm in front of the far face.
             let [x, y, z] = [hit.point.x + shift_mm[0], shift_mm[1] - hit.point.y, 12.0 - hit.point.z + shift_mm[2]];
             let is_inside = x.abs() < 50.0 && y.abs() < 40.0 && z.abs() < 12.5;
             assert_eq!(truth.in_volume[i], is_inside, "{x} {y} {z}");
@@ -155,34 +159,34 @@ fn what_leaves_the_volume_is_seen_but_not_measurable() {
     assert!(refused.err().unwrap().to_string().contains("shift is NaN mm"));
 }
 
-/// Whether the ray of each pixel of C1 meets a surface.
-fn meets(simulation: &Simulation, surface: Surface) -> Vec<bool> {
+/// Mask of the pixels of C1 that see a surface.
+fn mask_of(simulation: &Simulation, surface: Surface) -> Vec<bool> {
     let centres = simulation.views()[0].centres.iter();
     centres.map(|centre| centre.hit.is_some_and(|hit| hit.surface == surface)).collect()
 }
 
-/// Nothing of what is apart from the volume counts as measured, however it is lit and seen.
-fn assert_apart(simulation: &Simulation, surface: Surface) -> usize {
-    let (truth, met) = (simulation.truth(), meets(simulation, surface));
-    for i in (0..met.len()).filter(|&i| met[i]) {
+/// Asserts that a surface outside the volume is never measurable. Returns its number of pixels.
+fn assert_never_measurable(simulation: &Simulation, surface: Surface) -> usize {
+    let (truth, mask) = (simulation.truth(), mask_of(simulation, surface));
+    for i in (0..mask.len()).filter(|&i| mask[i]) {
         assert!(!truth.in_volume[i] && !truth.measurable[i] && !truth.reference[i], "{surface:?}, pixel {i}");
     }
-    count(met)
+    count(mask)
 }
 
 #[test]
-fn a_board_at_any_distance_is_where_it_should_be_and_never_measurable() {
+fn a_board_outside_the_volume_has_its_distance_and_is_never_measurable() {
     for (distance_mm, tilt_deg) in [(-30.0, 0.0), (-5.0, 25.0), (5.0, -25.0), (85.0, 20.0), (400.0, 0.0), (1000.0, 0.0)]
     {
         let board = BoardApart { distance_mm, albedo: 0.3, tilt_deg };
-        let simulation = staged(Object::Tooth, Board::Apart(board), Staging::default());
-        assert!(assert_apart(&simulation, Surface::Board) > 30_000, "{board:?}");
+        let simulation = simulate(Object::Tooth, Board::Apart(board), Staging::default());
+        assert!(assert_never_measurable(&simulation, Surface::Board) > 30_000, "{board:?}");
         assert!(count(simulation.truth().reference.iter().copied()) > 2000, "{board:?}");
         let (rig, truth) = (simulation.rig(), simulation.truth());
         let volume = &rig.exact_volume;
-        let met = meets(&simulation, Surface::Board);
-        let z_mm: Vec<f64> = (0..met.len())
-            .filter(|&i| met[i])
+        let mask = mask_of(&simulation, Surface::Board);
+        let z_mm: Vec<f64> = (0..mask.len())
+            .filter(|&i| mask[i])
             .map(|i| {
                 let point = truth.point[i].map(|c| f64::from(c) / 1e3);
                 let z = volume.cam1_from_volume().inverse_transform_point(&point.into()).z;
@@ -202,9 +206,9 @@ fn a_board_at_any_distance_is_where_it_should_be_and_never_measurable() {
 fn a_brighter_board_is_brighter_and_a_farther_one_darker() {
     let mean = |distance_mm, albedo| {
         let board = BoardApart { distance_mm, albedo, tilt_deg: 0.0 };
-        let simulation = staged(Object::Tooth, Board::Apart(board), Staging::default());
-        let (met, white) = (meets(&simulation, Surface::Board), white(&simulation, CameraId::Cam1));
-        let lit = (0..met.len()).filter(|&i| met[i] && simulation.truth().lit[i]);
+        let simulation = simulate(Object::Tooth, Board::Apart(board), Staging::default());
+        let (mask, white) = (mask_of(&simulation, Surface::Board), white_image(&simulation, CameraId::Cam1));
+        let lit = (0..mask.len()).filter(|&i| mask[i] && simulation.truth().lit[i]);
         let (sum, count) = lit.fold((0.0, 0.0), |(sum, count), i| (sum + f64::from(white[i]), count + 1.0));
         sum / count
     };
@@ -213,33 +217,33 @@ fn a_brighter_board_is_brighter_and_a_farther_one_darker() {
 }
 
 #[test]
-fn a_hand_hides_and_shadows_and_is_never_measurable() {
+fn a_hand_occludes_and_shadows_and_is_never_measurable() {
     for depth_m in [0.025, 0.11] {
         let mut options = options(Object::Elephant, Board::None);
         options.rig.depth_m = depth_m;
-        let [free, hand] =
+        let [without, with] =
             [false, true].map(|hand| Simulation::staged(options, Staging { hand, ..Staging::default() }).unwrap());
-        let pixels = assert_apart(&hand, Surface::Hand);
+        let pixels = assert_never_measurable(&with, Surface::Hand);
         assert!((20_000..200_000).contains(&pixels), "{depth_m} m: {pixels} pixels of the hand");
         let measurable = |simulation: &Simulation| count(simulation.truth().measurable.iter().copied());
-        assert!(measurable(&hand) < measurable(&free) * 9 / 10 && measurable(&hand) > 10_000, "{depth_m} m");
+        assert!(measurable(&with) < measurable(&without) * 9 / 10 && measurable(&with) > 10_000, "{depth_m} m");
         let in_shadow = |simulation: &Simulation| {
-            let (truth, met) = (simulation.truth(), meets(simulation, Surface::Object));
-            count((0..met.len()).map(|i| met[i] && truth.in_volume[i] && !truth.lit[i]))
+            let (truth, mask) = (simulation.truth(), mask_of(simulation, Surface::Object));
+            count((0..mask.len()).map(|i| mask[i] && truth.in_volume[i] && !truth.lit[i]))
         };
-        assert!(in_shadow(&hand) > in_shadow(&free), "{depth_m} m: no shadow of the hand");
+        assert!(in_shadow(&with) > in_shadow(&without), "{depth_m} m: no shadow of the hand");
     }
 }
 
 #[test]
-fn every_object_fills_the_share_of_the_image_that_is_asked_for() {
-    // A tray is not made to be smaller than the image: its straight border passes whole rows of the pixels that are counted.
+fn every_object_fills_the_requested_share_of_the_image() {
+    // The tray is larger than the image. Its straight border would cross whole rows of the counted pixels at once.
     for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
-        // Crumbs lie so far apart that, larger, most of them leave the image.
+        // Crumbs are far apart: enlarged to 5 %, most of them would leave the image.
         let wanted = if object == Object::Crumbs { 1.0 } else { 5.0 };
-        let simulation = staged(object, Board::None, Staging { share_percent: Some(wanted), ..Staging::default() });
-        let met = meets(&simulation, Surface::Object);
-        let percent = 100.0 * count(met.iter().copied()) as f64 / met.len() as f64;
+        let simulation = simulate(object, Board::None, Staging { share_percent: Some(wanted), ..Staging::default() });
+        let mask = mask_of(&simulation, Surface::Object);
+        let percent = 100.0 * count(mask.iter().copied()) as f64 / mask.len() as f64;
         assert!((percent / wanted - 1.0).abs() < 0.04, "{object:?}: {percent} %");
     }
     let too_much = Staging { share_percent: Some(90.0), ..Staging::default() };

@@ -1,4 +1,5 @@
-//! The virtual scanner against first principles: the textbook's phase, projections, brute-force visibility.
+//! Checks the virtual scanner against first principles: the phase formula of textbooks, projections, brute-force
+//! visibility.
 
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a dataset that cannot be written fails the test")]
 
@@ -25,29 +26,29 @@ fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// Point of the truth in metres, as f64.
+/// A point of the ground truth, metres.
 fn point_m(point: [f32; 3]) -> Point3 {
     Point3::from(point.map(|c| f64::from(c) * 1e-3))
 }
 
-/// Phase by the textbook's formula, rad, from one value an image.
-fn phase(values: &[f64]) -> (f64, f64) {
+/// Phase, rad, and modulation by the textbook formula, from one value per image.
+fn phase_and_modulation(values: &[f64]) -> (f64, f64) {
     let shifts = (0..values.len()).map(|k| TAU * k as f64 / values.len() as f64);
     let (s, c) = values.iter().zip(shifts).fold((0.0, 0.0), |(s, c), (i, d)| (s + i * d.sin(), c + i * d.cos()));
     ((-s).atan2(c), 2.0 / values.len() as f64 * s.hypot(c))
 }
 
-/// Projector columns (or rows) of the truth around a pixel, if it lies within one smooth piece of measurable surface.
-fn on_smooth_surface(simulation: &Simulation, u: usize, v: usize, along: Direction) -> Option<f64> {
+/// True projector column (or row) of a pixel; `None` unless its neighbourhood is smooth, measurable surface.
+fn projector_coordinate(simulation: &Simulation, u: usize, v: usize, along: Direction) -> Option<f64> {
     if u == 0 || v == 0 || u + 1 == SIZE[0] || v + 1 == SIZE[1] {
         return None;
     }
     let truth = simulation.truth();
-    let place = |i: usize| {
+    let coordinate = |i: usize| {
         let pixel = simulation.rig().exact.project_projector(&point_m(truth.point[i]))?;
         truth.measurable[i].then_some(if along == Direction::Columns { pixel.x } else { pixel.y })
     };
-    let at = |du: usize, dv: usize| place((v + dv - 1) * SIZE[0] + u + du - 1);
+    let at = |du: usize, dv: usize| coordinate((v + dv - 1) * SIZE[0] + u + du - 1);
     let middle = at(1, 1)?;
     for (a, b) in [((0, 1), (2, 1)), ((1, 0), (1, 2)), ((0, 0), (2, 2)), ((2, 0), (0, 2))] {
         if (at(a.0, a.1)? + at(b.0, b.1)? - 2.0 * middle).abs() > 0.1 {
@@ -57,7 +58,7 @@ fn on_smooth_surface(simulation: &Simulation, u: usize, v: usize, along: Directi
     Some(middle)
 }
 
-/// Errors of the decoded phase over bright, smooth surface: before and after rounding to 8 bits, rad.
+/// Errors of the decoded phase on bright, smooth surface, rad: without and with rounding to 8 bits.
 fn phase_errors(simulation: &Simulation, direction: Direction) -> (Vec<f64>, Vec<f64>) {
     let sensor = Sensor::exposed(None, 1.0);
     let view = &simulation.views()[0];
@@ -70,11 +71,13 @@ fn phase_errors(simulation: &Simulation, direction: Direction) -> (Vec<f64>, Vec
     let images: Vec<_> = (0..8).map(|k| sensor.image(view, &fringes(k), seed)).collect();
     let (mut unrounded, mut rounded) = (Vec::new(), Vec::new());
     for i in 0..SIZE[0] * SIZE[1] {
-        let Some(place) = on_smooth_surface(simulation, i % SIZE[0], i / SIZE[0], direction) else { continue };
-        let (exact, modulation) = phase(&std::array::from_fn::<f64, 8, _>(|k| sensor.grey(view, &fringes(k), i)));
+        let Some(coordinate) = projector_coordinate(simulation, i % SIZE[0], i / SIZE[0], direction) else { continue };
+        let exact_values = std::array::from_fn::<f64, 8, _>(|k| sensor.grey(view, &fringes(k), i));
+        let (exact, modulation) = phase_and_modulation(&exact_values);
         if modulation > 60.0 {
-            let expected = TAU * pattern.phase_turns(place);
-            let (decoded, _) = phase(&std::array::from_fn::<f64, 8, _>(|k| f64::from(images[k].pixels[i])));
+            let expected = TAU * pattern.phase_turns(coordinate);
+            let rounded_values = std::array::from_fn::<f64, 8, _>(|k| f64::from(images[k].pixels[i]));
+            let (decoded, _) = phase_and_modulation(&rounded_values);
             unrounded.push(wrapped(exact - expected).abs());
             rounded.push(wrapped(decoded - expected).abs());
         }
@@ -92,7 +95,8 @@ fn decoded_phase_is_the_phase_of_the_true_projector_pixel() {
                 let count = rounded.len();
                 assert!(count > 10_000, "{object:?} {direction:?}: {count} bright pixels");
                 unrounded.sort_by(f64::total_cmp);
-                // A pixel's own extent weighs its phases by their brightness: not an error of the simulation.
+                // With supersampling, a pixel averages phases weighted by brightness. This is not an error of the
+                // simulation.
                 let (worst, bound) =
                     if supersampling == 1 { (unrounded[count - 1], 5e-4) } else { (unrounded[count * 99 / 100], 5e-3) };
                 assert!(worst < bound, "{object:?} {direction:?} {supersampling}: {worst} rad before rounding");
@@ -112,12 +116,16 @@ fn every_object_can_be_measured_and_its_truth_fits_the_rig() {
         let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
         let truth = truth(&rig.exact, &rig.exact_volume, &scene, &view, Unit::Millimetre);
         let count = truth.measurable.iter().filter(|&&m| m).count();
-        // At 640 × 512 pixels four times as many: thousands even for the smallest, the tooth.
+        // At 640 × 512 pixels there are four times as many: thousands even for the tooth, the smallest object.
         assert!(count > 1000, "{object:?}: {count} pixels");
         for i in 0..truth.measurable.len() {
             let hit = truth.cam2_px[i][0].is_finite();
-            let is_larger = object == Object::Tray;
-            assert!(!hit || truth.in_volume[i] || is_larger, "{object:?} leaves its volume at {:?}", truth.point[i]);
+            let is_larger_than_volume = object == Object::Tray;
+            assert!(
+                !hit || truth.in_volume[i] || is_larger_than_volume,
+                "{object:?} leaves its volume at {:?}",
+                truth.point[i]
+            );
             if !hit {
                 continue;
             }
@@ -126,29 +134,30 @@ fn every_object_can_be_measured_and_its_truth_fits_the_rig() {
             assert!((p.x - (i % SIZE[0]) as f64).hypot(p.y - (i / SIZE[0]) as f64) < 1e-3);
             assert!((q.x - f64::from(truth.cam2_px[i][0])).hypot(q.y - f64::from(truth.cam2_px[i][1])) < 1e-3);
             let surface_mm = scene.cam1_from_object().inverse() * point;
-            let off = object.solid().distance_mm(&(surface_mm.coords * 1e3));
-            // The truth is stored in single precision: 3e-5 mm at 300 mm.
-            assert!(off.abs() < 1e-4, "{object:?}: {off} mm off the surface");
+            let off_mm = object.solid().distance_mm(&(surface_mm.coords * 1e3));
+            // The ground truth is in single precision: 3e-5 mm at 300 mm.
+            assert!(off_mm.abs() < 1e-4, "{object:?}: {off_mm} mm off the surface");
         }
     }
 }
 
-/// No object of the usual volume is higher than this, millimetres.
+/// Upper bound of the height of objects in the default volume, millimetres.
 const HIGHEST_MM: f64 = 25.0;
 
-/// Whether the straight way from a surface point to a device is free: small equal steps, nothing clever.
-fn brute_force_free(solid: &dyn Solid, point: &PointMm, target: &PointMm) -> Option<bool> {
-    let way = target - point;
-    let step = 0.01 / way.norm();
+/// Whether the line from a surface point to a device is unobstructed, tested in small equal steps. `None` if it is too
+/// close to call.
+fn is_unobstructed(solid: &dyn Solid, point: &PointMm, target: &PointMm) -> Option<bool> {
+    let line = target - point;
+    let step = 0.01 / line.norm();
     let mut least = f64::INFINITY;
-    // The first 50 µm are the surface itself.
+    // The first 50 µm are too close to the surface itself.
     let mut share = 5.0 * step;
-    while share < 1.0 && (point + way * share).z < HIGHEST_MM {
-        let p = point + way * share;
+    while share < 1.0 && (point + line * share).z < HIGHEST_MM {
+        let p = point + line * share;
         least = least.min(solid.distance_mm(&p)).min(if p.z > 0.0 { f64::INFINITY } else { -1.0 });
         share += step;
     }
-    // Rays that graze a surface may be judged either way.
+    // For rays that graze a surface, both results are right.
     (least.abs() > 2e-3).then_some(least > 0.0)
 }
 
@@ -156,12 +165,12 @@ fn centre_mm(scene: &Scene, centre_cam1: &Point3) -> PointMm {
     (scene.cam1_from_object().inverse() * centre_cam1).coords * 1e3
 }
 
-fn sees(rig: &Rig, point: &Point3) -> bool {
+fn is_in_projector_image(rig: &Rig, point: &Point3) -> bool {
     rig.project_projector(point).is_some_and(|p| rig.projector.sees(&p))
 }
 
 #[test]
-fn light_and_sight_agree_with_brute_force() {
+fn visibility_and_shadows_agree_with_brute_force() {
     for object in [Object::Prism, Object::Teeth, Object::Elephant] {
         let rig = VirtualRig::new(&options(object).rig).unwrap();
         let scene = Scene::from_object(object, Board::Visible, &rig.exact_volume);
@@ -174,16 +183,18 @@ fn light_and_sight_agree_with_brute_force() {
         for i in (0..SIZE[0] * SIZE[1]).step_by(97) {
             let Some(hit) = view.centres[i].hit else { continue };
             let point = point_m(truth.point[i]);
-            if !sees(&rig.exact, &point) || !rig.exact.project_cam2(&point).is_some_and(|q| rig.exact.cam2.sees(&q)) {
+            if !is_in_projector_image(&rig.exact, &point)
+                || !rig.exact.project_cam2(&point).is_some_and(|q| rig.exact.cam2.sees(&q))
+            {
                 continue;
             }
-            for (target, claimed, against) in
+            for (target, claimed, negatives) in
                 [(&light, truth.lit[i], &mut dark), (&cam2, truth.seen_by_cam2[i], &mut hidden)]
             {
                 let facing = (target - hit.point).dot(&hit.normal) > 0.0;
-                let Some(free) = brute_force_free(solid.as_ref(), &hit.point, target) else { continue };
+                let Some(free) = is_unobstructed(solid.as_ref(), &hit.point, target) else { continue };
                 judged += 1;
-                *against += usize::from(!claimed);
+                *negatives += usize::from(!claimed);
                 wrong += usize::from(claimed != (free && facing));
             }
         }
@@ -193,7 +204,7 @@ fn light_and_sight_agree_with_brute_force() {
 }
 
 #[test]
-fn bytes_do_not_depend_on_threads() {
+fn files_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let mut options = options(Object::Prism);
     options.noise = NoiseLevel::Normal;
@@ -206,8 +217,8 @@ fn bytes_do_not_depend_on_threads() {
     };
     let (one, two) = (write(1), write(2));
     let mut compared = 0;
-    for sub in ["", "cam1", "cam2"] {
-        for entry in std::fs::read_dir(one.join(sub)).unwrap() {
+    for subfolder in ["", "cam1", "cam2"] {
+        for entry in std::fs::read_dir(one.join(subfolder)).unwrap() {
             let path = entry.unwrap().path();
             if path.is_file() {
                 let twin = two.join(path.strip_prefix(&one).unwrap());
@@ -220,7 +231,7 @@ fn bytes_do_not_depend_on_threads() {
 }
 
 #[test]
-fn a_written_folder_opens_and_holds_what_was_simulated() {
+fn a_written_dataset_opens_and_equals_the_simulation() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("tooth");
     let mut options = options(Object::Tooth);
@@ -255,7 +266,7 @@ fn a_written_folder_opens_and_holds_what_was_simulated() {
     ));
 }
 
-/// The truth that is written for what is simulated.
+/// Simulates and writes a dataset, and reads its ground truth.
 fn written_truth(options: SimulationOptions) -> RenderedTruth {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("set");
@@ -267,7 +278,7 @@ fn written_truth(options: SimulationOptions) -> RenderedTruth {
 }
 
 #[test]
-fn the_reference_is_what_gray_code_finds_and_the_truth_confirms() {
+fn the_reference_is_found_by_gray_code_and_confirmed_by_the_truth() {
     let simulated = SimulationOptions { noise: NoiseLevel::Normal, ..options(Object::Plane) };
     let truth = written_truth(simulated);
     let gray = truth.gray_cam2_px.unwrap();
@@ -279,7 +290,7 @@ fn the_reference_is_what_gray_code_finds_and_the_truth_confirms() {
             assert!(truth.measurable[i] && gray[i][0].is_nan() && gray[i][1].is_nan());
         } else if truth.measurable[i] && gray[i][0].is_finite() {
             let [dx, dy] = [0, 1].map(|k| gray[i][k] - truth.cam2_px[i][k]);
-            assert!(f64::from(dx.hypot(dy)) > TOLERANCE_PX - 1e-3, "pixel {i} belongs to the reference");
+            assert!(f64::from(dx.hypot(dy)) > TOLERANCE_PX - 1e-3, "pixel {i} should belong to the reference");
         }
     }
     assert!(measurable > 10_000, "{measurable} measurable pixels");
@@ -290,7 +301,7 @@ fn the_reference_is_what_gray_code_finds_and_the_truth_confirms() {
 }
 
 #[test]
-fn noise_has_the_spread_of_shot_and_read_noise() {
+fn noise_has_the_variance_of_shot_read_and_rounding_noise() {
     let options = options(Object::Plane);
     let rig = VirtualRig::new(&options.rig).unwrap();
     let scene = Scene::from_object(Object::Plane, Board::Visible, &rig.exact_volume);

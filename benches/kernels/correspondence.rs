@@ -1,4 +1,4 @@
-//! Phase maps to correspondences and points, step by step.
+//! From phase maps to correspondences and points, step by step.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -18,20 +18,20 @@ use crate::scenes::{Geometry, Scene, ambiguous_share, shifts};
 
 const STEPS: usize = 4;
 
-/// Everything between the phase maps and the cloud.
+/// Benchmarks each step from the phase maps to the cloud.
 pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     for geometry in [Geometry::Easy, Geometry::Hard] {
-        of_geometry(criterion, &Scene::new(geometry, size_px));
+        bench_geometry(criterion, &Scene::new(geometry, size_px));
     }
 }
 
-fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
+fn bench_geometry(criterion: &mut Criterion, scene: &Scene) {
     let ([width, height], table) = (scene.size_px, Arc::new(scene.table()));
     let images = scene.images(STEPS, PixelFormat::Grey);
     let [cam1, cam2] =
         images.levels().map(|levels| decode(&levels, width, height, &shifts(STEPS), &Validity::default()).unwrap());
-    let by = |method| MatchSettings { method, ..MatchSettings::default() };
-    let settings = by(ResolutionMethod::Paper);
+    let settings_for = |method| MatchSettings { method, ..MatchSettings::default() };
+    let settings = settings_for(ResolutionMethod::Paper);
     let matches = match_phases(&cam1, &cam2, &table, &settings).unwrap();
     println!(
         "{:?}: {:.1} % of the pixels with candidates have several",
@@ -57,14 +57,16 @@ fn of_geometry(criterion: &mut Criterion, scene: &Scene) {
     for method in ResolutionMethod::ALL {
         group.bench_function(BenchmarkId::new("match", method.name()), |bencher| {
             let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
-            bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, (&by(method), None), &mut matches));
+            bencher.iter(|| {
+                matcher.match_phases(black_box(&cam1), &cam2, &table, (&settings_for(method), None), &mut matches)
+            });
         });
     }
     let drift = matches.drift.as_ref().map(Drift::to_known);
     group.bench_function(BenchmarkId::new("match", "known drift"), |bencher| {
         let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
-        let with = (&by(ResolutionMethod::SemiGlobal), drift.as_ref());
-        bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, with, &mut matches));
+        let settings = (&settings_for(ResolutionMethod::SemiGlobal), drift.as_ref());
+        bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, settings, &mut matches));
     });
     let found = Correspondences {
         drift,

@@ -1,6 +1,6 @@
-//! How long each kernel and the whole way from images to cloud take: `cargo bench --bench kernels [-- NAME]`.
+//! Time of each kernel, and of the whole chain from images to cloud: `cargo bench --bench kernels [-- NAME]`.
 //!
-//! 1280 × 1024 pixels, one thread. What is told by ratios, beside peers, is told by `cargo bench --bench ratios`.
+//! 1280 × 1024 pixels, one thread. For ratios and comparisons with other libraries see `cargo bench --bench ratios`.
 
 // A program for people.
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout)]
@@ -23,7 +23,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() {
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global().unwrap();
-    // `cargo test` runs benches without `--bench`, to see whether they run.
+    // `cargo test` runs benches without `--bench`, only to check that they run.
     let is_measured = std::env::args().any(|argument| argument == "--bench");
     let size_px = if is_measured { FULL_PX } else { SMALL_PX };
     let mut criterion = Criterion::default()

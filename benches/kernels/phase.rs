@@ -1,4 +1,4 @@
-//! Images to phase maps.
+//! From images to phase maps.
 
 use std::hint::black_box;
 
@@ -11,11 +11,11 @@ use fringeflow_base::grey::PixelFormat;
 
 use crate::scenes::{Geometry, Scene, shifts, shifts_rad};
 
-/// Steps of the plain decoding, and of that with motion.
+/// Steps for plain decoding, and for decoding with motion.
 const STEPS: [usize; 3] = [4, 8, 16];
 const MOVING_STEPS: usize = 4;
 
-/// Decoding one camera.
+/// Benchmarks the decoding of one camera.
 pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     let scene = Scene::new(Geometry::Easy, size_px);
     let ([width, height], validity) = (size_px, Validity::default());

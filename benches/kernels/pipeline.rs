@@ -1,4 +1,4 @@
-//! The whole way: 2 × 4 images to a cloud, by the three workers in one thread.
+//! The whole chain: from 2 × 4 images to a cloud, by the three workers in one thread.
 
 use std::hint::black_box;
 
@@ -10,7 +10,7 @@ use crate::scenes::{Geometry, Scene, Workers};
 
 const STEPS: usize = 4;
 
-/// Images to cloud, both geometries.
+/// Benchmarks images to cloud in both geometries.
 pub(crate) fn benches(criterion: &mut Criterion, size_px: [usize; 2]) {
     let mut group = criterion.benchmark_group("images to cloud");
     group.throughput(Throughput::Elements((size_px[0] * size_px[1]) as u64));

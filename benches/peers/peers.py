@@ -1,7 +1,8 @@
-"""What others take for the same: runs a named call once a request, and answers with its CPU and wall nanoseconds.
+"""Other libraries for comparison: runs a named call per request, and answers with its CPU and wall nanoseconds.
 
-Each peer has its fastest reasonable form: 8-bit images as they are, outputs allocated once where the library allows it, one
-thread. What a call computes stands beside it; none computes a mask of what can be trusted, or tells of noise and residual.
+Each peer has its fastest reasonable form: 8-bit images without conversion, outputs allocated once where the library
+allows it, one thread. The docstrings state what a call computes. None computes a mask of valid pixels, the noise or the
+residual.
 """
 
 import json
@@ -47,7 +48,7 @@ def numpy_decode(images):
 
 
 def fringes_decode(images):
-    """Mean, modulation and place of one set of four steps and one period, which needs no unwrapping."""
+    """Mean, modulation and position from one set of four steps with one period, which needs no unwrapping."""
     fringes = Fringes()
     fringes.Y, fringes.X = images.shape[1:]
     fringes.D, fringes.K, fringes.N, fringes.v = 1, 1, len(images), 1
@@ -55,7 +56,7 @@ def fringes_decode(images):
 
 
 def rectified_pair(shape):
-    """A textured pair with disparities of 25 to 55 pixels: what block matching is made for."""
+    """A textured pair with disparities of 25 to 55 pixels, which suits block matching."""
     height, width = shape
     noise = np.random.default_rng(1).integers(0, 256, (height, width + 200)).astype(np.float32)
     texture = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 1.0), None, 0, 255, cv2.NORM_MINMAX)
@@ -72,7 +73,7 @@ def rectified_pair(shape):
 
 
 def stereo(mode):
-    """Block matching over 128 disparities with its usual settings."""
+    """Block matching over 128 disparities with common settings."""
     if mode == "BM":
         return cv2.StereoBM_create(DISPARITIES, 15)
     block = 5
@@ -82,7 +83,7 @@ def stereo(mode):
 
 
 def undistort_maps(cameras, shape):
-    """Maps that rectify both cameras, in float32: the lookup tables of a stereo rig."""
+    """Rectification maps of both cameras, in float32: the lookup tables of a stereo rig."""
     size = shape[::-1]
     lenses = [(np.array(camera["K"], float), np.array(camera["D"], float)) for camera in cameras]
 

@@ -1,4 +1,4 @@
-//! What the lines share: how much is measured, the scenes, and the peers.
+//! Shared by all lines: the extent of the measurement, the scenes, and the peers.
 
 use std::cell::OnceCell;
 use std::rc::Rc;
@@ -10,25 +10,25 @@ use fringeflow_base::grey::PixelFormat;
 use super::peers::Peers;
 use super::scenes::{FULL_PX, Geometry, Images, SMALL_PX, Scene};
 
-/// Steps of the windows that become clouds.
+/// Steps per window.
 pub(crate) const STEPS: usize = 4;
 
-/// The run of the program.
+/// Settings and shared data of a run.
 pub(crate) struct Bench {
-    /// Whether this is a measurement, and not a look whether all lines run.
+    /// Whether this run measures. Otherwise it only checks that all lines work.
     pub(crate) is_measured: bool,
-    /// Whether the live lines take their ten minutes.
+    /// Whether the growth of memory is measured over ten minutes.
     pub(crate) is_long: bool,
-    /// Interleaved repetitions of a line.
+    /// Interleaved repetitions per line.
     pub(crate) repetitions: usize,
     pub(crate) size_px: [usize; 2],
-    easy: OnceCell<Rc<Measured>>,
-    hard: OnceCell<Rc<Measured>>,
+    easy: OnceCell<Rc<PreparedScene>>,
+    hard: OnceCell<Rc<PreparedScene>>,
     peers: Option<Result<Peers, String>>,
 }
 
-/// A scene, its table, and one window of it.
-pub(crate) struct Measured {
+/// A scene with its segment table and one window.
+pub(crate) struct PreparedScene {
     pub(crate) scene: Scene,
     pub(crate) table: Arc<SegmentTable>,
     pub(crate) images: Images,
@@ -52,22 +52,22 @@ impl Bench {
     }
 
     /// The scene with the projector inside the base.
-    pub(crate) fn easy(&self) -> Rc<Measured> {
-        Rc::clone(self.easy.get_or_init(|| Rc::new(Measured::new(Geometry::Easy, self.size_px))))
+    pub(crate) fn easy(&self) -> Rc<PreparedScene> {
+        Rc::clone(self.easy.get_or_init(|| Rc::new(PreparedScene::new(Geometry::Easy, self.size_px))))
     }
 
-    /// The one with the projector outside.
-    pub(crate) fn hard(&self) -> Rc<Measured> {
-        Rc::clone(self.hard.get_or_init(|| Rc::new(Measured::new(Geometry::Hard, self.size_px))))
+    /// The scene with the projector outside the base.
+    pub(crate) fn hard(&self) -> Rc<PreparedScene> {
+        Rc::clone(self.hard.get_or_init(|| Rc::new(PreparedScene::new(Geometry::Hard, self.size_px))))
     }
 
-    /// The peers in Python, or why there are none.
+    /// The peers in Python, or the reason why they are missing.
     pub(crate) fn peers(&mut self) -> Result<&mut Peers, String> {
         if self.peers.is_none() {
             let peers = if self.is_measured {
                 Peers::start(&self.easy())
             } else {
-                Err("not measured: no peers are set up".to_owned())
+                Err("not measured: the peers are not set up".to_owned())
             };
             self.peers = Some(peers);
         }
@@ -79,7 +79,7 @@ impl Bench {
     }
 }
 
-impl Measured {
+impl PreparedScene {
     pub(crate) fn new(geometry: Geometry, size_px: [usize; 2]) -> Self {
         let scene = Scene::new(geometry, size_px);
         let (table, images) = (Arc::new(scene.table()), scene.images(STEPS, PixelFormat::Grey));

@@ -1,6 +1,6 @@
-//! The allocator of the released command, with a count of what is asked of it.
+//! The allocator of the released command, with counts of allocations.
 
-// An allocator is unsafe by its trait; every call is passed on as it came.
+// The trait of allocators is unsafe. Every call is passed on unchanged.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout};
@@ -8,21 +8,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use mimalloc::MiMalloc;
 
-/// Counts, and passes on.
+/// Counts allocations and passes them on to mimalloc.
 pub(crate) struct CountingAllocator;
 
 static CALLS: AtomicU64 = AtomicU64::new(0);
 static BYTES: AtomicU64 = AtomicU64::new(0);
 static FREED: AtomicU64 = AtomicU64::new(0);
 
-/// Allocations and their bytes since the program began, of all threads.
+/// Number of allocations and their bytes since the start of the program, over all threads.
 pub(crate) fn allocated() -> [u64; 2] {
     [CALLS.load(Ordering::Relaxed), BYTES.load(Ordering::Relaxed)]
 }
 
-/// Bytes that are asked for and not given back.
+/// Bytes allocated and not yet freed.
 pub(crate) fn held() -> u64 {
-    // What another thread asks for in between may be given back before it is seen.
+    // Another thread may allocate and free between the two loads.
     BYTES.load(Ordering::Relaxed).saturating_sub(FREED.load(Ordering::Relaxed))
 }
 

@@ -1,4 +1,4 @@
-//! Decoding against reading the same images, and against what other libraries make of four of them.
+//! Decoding, relative to reading the same images, and to decoding four images with other libraries.
 
 use std::cell::RefCell;
 use std::hint::black_box;
@@ -9,14 +9,14 @@ use fringeflow_dataset::GreyImage;
 
 use super::bench::{Bench, STEPS};
 use super::clock::{contender, interleave};
-use super::line::{Report, Time, Wanted};
+use super::line::{Report, Target, Time};
 use super::scenes::shifts;
 
-/// Steps, and what decoding may cost in readings.
-const WANTED: [(usize, f64); 3] = [(4, 3.0), (8, 2.0), (16, 2.1)];
-/// Bytes of images that no last-level cache holds: each image is read from memory again.
+/// Steps, and the largest time of decoding relative to reading.
+const TARGETS: [(usize, f64); 3] = [(4, 3.0), (8, 2.0), (16, 2.1)];
+/// Bytes of all images: more than a last-level cache holds, so each image is read from memory.
 const COLD_BYTES: usize = 384 << 20;
-/// Peers, and how many times faster than each.
+/// Peers, and the promised speed-up over each.
 const PEERS: [(&str, &str, f64); 3] = [
     ("opencv_decode", "OpenCV subtract + cartToPolar", 2.5),
     ("numpy_decode", "numpy", 30.0),
@@ -24,21 +24,21 @@ const PEERS: [(&str, &str, f64); 3] = [
 ];
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
-    against_reading(bench, report);
-    against_peers(bench, report);
+    compare_with_reading(bench, report);
+    compare_with_peers(bench, report);
 }
 
-fn against_reading(bench: &Bench, report: &mut Report) {
+fn compare_with_reading(bench: &Bench, report: &mut Report) {
     let (easy, [width, height], validity) = (bench.easy(), bench.size_px, Validity::default());
     for format in [PixelFormat::Grey, PixelFormat::Y12] {
-        for (steps, limit) in WANTED {
+        for (steps, limit) in TARGETS {
             let images = easy.scene.images(steps, format);
             let (window, shifts) = (&images.cameras[0], shifts(steps));
             let bytes: usize = window.iter().map(|image| image.pixels.len()).sum();
             let copies = if bench.is_measured { COLD_BYTES.div_ceil(bytes) } else { 1 };
-            // One repetition goes round all copies, so that each was driven out of the caches by the others.
+            // A repetition goes through all copies, so the others have displaced each one from the caches.
             let windows: Vec<Vec<GreyImage>> = vec![window.clone(); copies];
-            // A worker has one map, whose memory every window uses again.
+            // Like a worker, reuse the memory of one map for every window.
             let mut map = PhaseMap::default();
             let mut contenders = [
                 contender(|| {
@@ -58,12 +58,12 @@ fn against_reading(bench: &Bench, report: &mut Report) {
             let name = format!("decode ÷ reading the images cold, {}, N = {steps}", format.name());
             let units = copies as f64;
             let (ours, reading) = ((spent[0].as_slice(), units), (spent[1].as_slice(), units));
-            report.scaled_ratio(&name, [ours, reading], Time::Cpu, Wanted::AtMost(limit));
+            report.scaled_ratio(&name, [ours, reading], Time::Cpu, Target::AtMost(limit));
         }
     }
 }
 
-/// Sum of the words of an image, eight at a time: as fast as memory gives them.
+/// Sums the words of an image, eight at a time, so that only memory limits the speed.
 fn sum(bytes: &[u8]) -> u64 {
     let (blocks, rest) = bytes.as_chunks::<64>();
     let mut sums = [0_u64; 8];
@@ -76,7 +76,7 @@ fn sum(bytes: &[u8]) -> u64 {
     sums.iter().fold(rest, |all, &sum| all.wrapping_add(sum))
 }
 
-fn against_peers(bench: &mut Bench, report: &mut Report) {
+fn compare_with_peers(bench: &mut Bench, report: &mut Report) {
     let (easy, [width, height], validity) = (bench.easy(), bench.size_px, Validity::default());
     let (window, shifts) = (GreyImage::levels_of(&easy.images.cameras[0]), shifts(STEPS));
     let repetitions = bench.repetitions;
@@ -96,6 +96,6 @@ fn against_peers(bench: &mut Bench, report: &mut Report) {
     }
     let spent = interleave(repetitions, &mut contenders);
     for ((_, peer, factor), taken) in PEERS.into_iter().zip(&spent[1..]) {
-        report.ratio(&name(peer), taken, &spent[0], Time::Cpu, Wanted::AtLeast(factor));
+        report.ratio(&name(peer), taken, &spent[0], Time::Cpu, Target::AtLeast(factor));
     }
 }

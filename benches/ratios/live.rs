@@ -1,4 +1,4 @@
-//! The way of a window through all processes, against the same work in one.
+//! Latency of a window through all processes, relative to the same work in one process.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -11,44 +11,47 @@ use fringeflow_recording::{Recording, WindowPrior};
 
 use super::bench::Bench;
 use super::clock::median;
-use super::line::{Report, Wanted, milliseconds};
+use super::line::{Report, Target, milliseconds};
 use super::processors;
 use super::scenes::{FULL_PX, bench_folder};
 
 const NAME: &str = "last image received → cloud, p50, live ÷ in process";
-const WANTED: f64 = 1.3;
-/// Runs of the whole scanner, and how long each is.
+const TARGET: f64 = 1.3;
+/// Runs of the whole scanner, and their duration.
 const ROUNDS: usize = 3;
 const SECONDS: u64 = 10;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let Some(command) = command().filter(|_| bench.is_measured) else {
-        return report
-            .skipped(NAME, "there is no release command; cargo build --release -p fringeflow-command makes it");
+        return report.skipped(
+            NAME,
+            "the release command is missing; build it with cargo build --release -p fringeflow-command",
+        );
     };
     match rounds(&command) {
         Ok(rounds) => {
-            let of = |side: usize| median(rounds.iter().map(|round| round[side]));
+            let median_ns = |side: usize| median(rounds.iter().map(|round| round[side]));
             let ratios: Vec<f64> = rounds.iter().map(|[live, in_process]| live / in_process).collect();
-            let values = [of(0), of(1)].map(milliseconds);
-            report.figure(NAME, values, median(ratios.iter().copied()), &ratios, Wanted::AtMost(WANTED));
+            let values = [median_ns(0), median_ns(1)].map(milliseconds);
+            report.measurement(NAME, values, median(ratios.iter().copied()), &ratios, Target::AtMost(TARGET));
         }
         Err(why) => report.skipped(NAME, &why),
     }
 }
 
-/// The command beside which cargo built this program.
+/// The command in the target folder of this program.
 fn command() -> Option<PathBuf> {
     let folder = std::env::current_exe().ok()?.parent()?.parent()?.to_owned();
     Some(folder.join("fringeflow")).filter(|file| file.is_file())
 }
 
-/// Nanoseconds live and in process, round by round.
+/// Latency live and in process by round, nanoseconds.
 fn rounds(command: &Path) -> Result<Vec<[f64; 2]>, String> {
     let folder = bench_folder().join("live");
     std::fs::create_dir_all(&folder).map_err(|e| e.to_string())?;
     let (configuration, recording) = (configuration(&folder)?, folder.join("live.mcap"));
-    // A thread of its own, since this one is pinned: processes run on all processors, and so must the work in this one.
+    // Use a new thread, because this one is pinned: the processes run on all CPUs, and so must the work in this
+    // process.
     std::thread::scope(|scope| {
         let work = scope.spawn(|| {
             processors::pin(&processors::all());
@@ -61,11 +64,11 @@ fn rounds(command: &Path) -> Result<Vec<[f64; 2]>, String> {
                 .skip(1)
                 .collect::<Result<Vec<_>, String>>()
         });
-        work.join().map_err(|_| "it could not be measured; why stands above".to_owned())?
+        work.join().map_err(|_| "it could not be measured; see the messages above".to_owned())?
     })
 }
 
-/// The demo as it is but for its images: larger and fewer ones, and other places for its files.
+/// Writes the configuration of the demo, with fewer and larger images, other paths and without monitor and tracking.
 fn configuration(folder: &Path) -> Result<PathBuf, String> {
     let demo = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs/demo.toml");
     let text = std::fs::read_to_string(demo).map_err(|e| format!("{demo}: {e}"))?;
@@ -85,7 +88,7 @@ fn configuration(folder: &Path) -> Result<PathBuf, String> {
     let mut changed = text;
     for (from, to) in changes {
         if !changed.contains(from) {
-            return Err(format!("configs/demo.toml has no {from}: benches/ratios/live.rs does not fit it"));
+            return Err(format!("configs/demo.toml has no {from}; adapt benches/ratios/live.rs"));
         }
         changed = changed.replace(from, &to);
     }
@@ -103,39 +106,41 @@ fn run(command: &Path, folder: &Path, configuration: &Path, recording: &Path) ->
     match run.status() {
         // 3: done, but frames were dropped.
         Ok(status) if matches!(status.code(), Some(0 | 3)) => Ok(()),
-        Ok(status) => Err(format!("fringeflow run ended with {status}; what it said stands above")),
+        Ok(status) => Err(format!("fringeflow run ended with {status}; see its messages above")),
         Err(e) => Err(format!("{}: {e}", command.display())),
     }
 }
 
-/// From when the images had reached the machine until the cloud was out: without the time of the camera.
+/// Median time from the arrival of the images on the machine to the cloud, without the time of the camera.
 fn live_ns(command: &Path, recording: &Path) -> Result<f64, String> {
-    let told = Command::new(command).arg("latency").arg(recording).arg("--json").output().map_err(|e| e.to_string())?;
-    let figures: Value = serde_json::from_slice(&told.stdout).map_err(|e| format!("fringeflow latency --json: {e}"))?;
-    let segments = figures["segments"].as_array().ok_or("fringeflow latency --json tells no segments")?;
+    let output =
+        Command::new(command).arg("latency").arg(recording).arg("--json").output().map_err(|e| e.to_string())?;
+    let figures: Value =
+        serde_json::from_slice(&output.stdout).map_err(|e| format!("fringeflow latency --json: {e}"))?;
+    let segments = figures["segments"].as_array().ok_or("fringeflow latency --json printed no segments")?;
     let camera = segments.iter().find(|segment| segment["segment"] == "camera").ok_or("no segment camera")?;
     let p50_ms = |latency: &Value| latency["p50_ms"].as_f64().ok_or("no p50_ms: no window became a cloud");
     Ok((p50_ms(&figures["exposure_to_cloud"])? - p50_ms(&camera["latency"])?) * 1e6)
 }
 
-/// The same windows in one process, with as many threads as each service has.
+/// Median time of the same windows in this process, with as many threads as each service has.
 fn in_process_ns(recording: &Path) -> Result<f64, String> {
-    // The pool of this program has one thread, which waits for this one.
+    // Use a new pool: that of this program has only one thread, which waits for this one.
     rayon::ThreadPoolBuilder::new().build().map_err(|e| e.to_string())?.install(|| {
         let recording = Recording::open(recording).map_err(|e| e.to_string())?;
         let mut reconstructor = fringeflow_replay::reconstructor(&recording).map_err(|e| e.to_string())?;
         let priors = recording.priors().map_err(|e| e.to_string())?;
-        let mut taken_ns = Vec::new();
+        let mut times_ns = Vec::new();
         for header in recording.cloud_headers() {
-            // The first windows may have begun before the recording.
+            // The first windows may have started before the recording.
             let Ok(images) = recording.images(&header.window) else { continue };
             let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
             let WindowPrior::Used(known) = priors.used_by(&header.window) else { continue };
             let start = Instant::now();
-            let made = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known);
-            taken_ns.push(start.elapsed().as_nanos() as f64);
-            made.map_err(|e| e.to_string())?;
+            let result = reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, known);
+            times_ns.push(start.elapsed().as_nanos() as f64);
+            result.map_err(|e| e.to_string())?;
         }
-        Ok(median(taken_ns))
+        Ok(median(times_ns))
     })
 }

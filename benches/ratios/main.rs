@@ -1,10 +1,11 @@
-//! Every ratio that the project promises of its speed, side by side with its peers in one run:
+//! All speed ratios that the project promises, measured side by side with their peers in one run:
 //! `cargo bench --bench ratios [-- [--quick] [--long] [LINE ...]]`, or `make bench`.
 //!
-//! Repetitions are interleaved (A B A B …), so that a machine which changes its mind changes it for both; a ratio is that of
-//! the medians, its range that of the repetitions. CPU time of one pinned thread unless a line says otherwise.
+//! Repetitions are interleaved (A B A B …), so changes in the speed of the machine affect both sides. A ratio is the
+//! quotient of the medians; its range is that of the repetitions. Times are CPU times of one pinned thread unless a
+//! line says otherwise.
 
-// A program for people, which ends where it cannot measure.
+// A program for people. It panics if it cannot measure.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, clippy::print_stderr, missing_docs)]
 
 mod allocations;
@@ -37,7 +38,7 @@ static ALLOCATOR: counting_allocator::CountingAllocator = counting_allocator::Co
 /// Measures some lines of the table.
 type Measure = fn(&mut Bench, &mut Report);
 
-/// The lines, by the names under which they are chosen.
+/// The measurements, by their names on the command line.
 const LINES: [(&str, Measure); 11] = [
     ("decode", decode::measure),
     ("cloud", cloud::measure),
@@ -57,11 +58,11 @@ fn main() {
     let names = LINES.map(|(name, _)| name);
     let chosen: Vec<&str> = arguments.iter().map(String::as_str).filter(|word| !word.starts_with("--")).collect();
     if let Some(unknown) = chosen.iter().find(|word| !names.contains(word)) {
-        eprintln!("there is no line {unknown:?}; there are {}", names.join(", "));
+        eprintln!("unknown line {unknown:?}; known are {}", names.join(", "));
         std::process::exit(2);
     }
     let mut bench = Bench::new(&arguments);
-    // One thread for everything that does not bring its own.
+    // Everything that does not create its own threads runs in one.
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global().unwrap();
     processors::pin_to_one();
     let mut report = Report::default();
@@ -72,7 +73,7 @@ fn main() {
         }
     }
     if !bench.is_measured {
-        return println!("all lines run; `cargo bench --bench ratios` measures them");
+        return println!("all lines work; `cargo bench --bench ratios` measures them");
     }
     report.print();
     let file = scenes::bench_folder().join("ratios.json");

@@ -1,7 +1,7 @@
-//! The peers in Python: a process that runs what it is told, and says what that took.
+//! The peers in Python: a process that runs named calls and reports their times.
 //!
-//! Its environment is made below `target/bench` from the package index that pip is set up for; where that cannot be had, the
-//! lines that need it are skipped, and say so.
+//! Its Python environment is created in `target/bench`, with packages from the configured index of pip. If that fails,
+//! the lines that need it are skipped, with the reason.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
@@ -10,13 +10,13 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use npyz::WriterBuilder as _;
 use serde_json::json;
 
-use super::bench::Measured;
+use super::bench::PreparedScene;
 use super::clock::{Contender, Spent};
 use super::scenes::bench_folder;
 
-/// The folder of the program.
+/// Folder of the Python program.
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/peers");
-/// Libraries that would start threads of their own.
+/// Variables that limit libraries to one thread.
 const SINGLE_THREAD: [&str; 4] = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"];
 
 /// The running process.
@@ -27,15 +27,15 @@ pub(crate) struct Peers {
 }
 
 impl Peers {
-    /// Makes the environment if need be, starts the process, and hands it the images of a scene.
-    pub(super) fn start(easy: &Measured) -> Result<Self, String> {
+    /// Creates the environment if needed, writes the images of a scene for the process, and starts it.
+    pub(super) fn start(easy: &PreparedScene) -> Result<Self, String> {
         let python = environment()?;
         let folder = bench_folder().join("peers");
-        hand_over(easy, &folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        write_inputs(easy, &folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let mut command = Command::new(python);
         command.arg(Path::new(FOLDER).join("peers.py")).arg(&folder).stdin(Stdio::piped()).stdout(Stdio::piped());
         SINGLE_THREAD.iter().for_each(|name| _ = command.env(name, "1"));
-        let mut child = command.spawn().map_err(|e| format!("the peers do not start: {e}"))?;
+        let mut child = command.spawn().map_err(|e| format!("the peers cannot be started: {e}"))?;
         let requests = child.stdin.take().ok_or("no standard input")?;
         let answers = BufReader::new(child.stdout.take().ok_or("no standard output")?);
         let mut peers = Self { child, requests, answers };
@@ -46,12 +46,12 @@ impl Peers {
         Ok(peers)
     }
 
-    /// One of them as a contender; the times are those of the call of the library alone, measured where it is made.
+    /// Makes a contender of a peer. Its times are those of the library call alone, measured in the Python process.
     pub(crate) fn contender<'a>(&'a mut self, name: &'a str) -> Contender<'a> {
         Box::new(move || self.run(name))
     }
 
-    /// Runs one once.
+    /// Runs a peer once.
     pub(crate) fn run(&mut self, name: &str) -> Spent {
         let answer = self.ask(&format!("run {name}")).unwrap();
         let mut numbers = answer.split_ascii_whitespace().map(|number| number.parse().unwrap());
@@ -63,8 +63,8 @@ impl Peers {
         let asked = writeln!(self.requests, "{request}").and_then(|()| self.answers.read_line(&mut answer));
         match asked {
             Ok(bytes) if bytes > 0 => Ok(answer.trim().to_owned()),
-            Ok(_) => Err(format!("the peers ended at {request:?}; what they said stands above")),
-            Err(e) => Err(format!("the peers do not answer {request:?}: {e}")),
+            Ok(_) => Err(format!("the peers ended during {request:?}; see their messages above")),
+            Err(e) => Err(format!("the peers did not answer {request:?}: {e}")),
         }
     }
 }
@@ -76,7 +76,7 @@ impl Drop for Peers {
     }
 }
 
-/// Python with the packages of `requirements.txt`, made when missing or out of date.
+/// Returns a Python with the packages of `requirements.txt`. Creates it if it is missing or out of date.
 fn environment() -> Result<PathBuf, String> {
     let (requirements, folder) = (Path::new(FOLDER).join("requirements.txt"), bench_folder().join("venv"));
     let (wanted, stamp) = (std::fs::read(&requirements).unwrap(), folder.join("installed.txt"));
@@ -87,7 +87,7 @@ fn environment() -> Result<PathBuf, String> {
     eprintln!("setting up the peers in {} ...", folder.display());
     let run = |command: &mut Command, what: &str| match command.stdout(Stdio::null()).status() {
         Ok(status) if status.success() => Ok(()),
-        Ok(_) => Err(format!("{what} failed; what it said stands above")),
+        Ok(_) => Err(format!("{what} failed; see its messages above")),
         Err(e) => Err(format!("{what} cannot be run: {e}")),
     };
     run(Command::new("python3").args(["-m", "venv"]).arg(&folder), "python3 -m venv")?;
@@ -98,8 +98,8 @@ fn environment() -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// The images of camera 1 as one array, and the cameras.
-fn hand_over(easy: &Measured, folder: &Path) -> std::io::Result<()> {
+/// Writes the images of camera 1 as one array, and the parameters of both cameras.
+fn write_inputs(easy: &PreparedScene, folder: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let window = &easy.images.cameras[0];
     let shape = [window.len(), window[0].height, window[0].width].map(|side| side as u64);

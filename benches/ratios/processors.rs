@@ -1,8 +1,8 @@
-//! Which processors a thread may run on.
+//! CPUs on which a thread may run.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-/// The processors that this program was given, seen before anything is pinned.
+/// CPUs on which this program may run, as determined before any thread is pinned.
 pub(crate) fn all() -> Vec<usize> {
     use std::sync::OnceLock;
     static ALL: OnceLock<Vec<usize>> = OnceLock::new();
@@ -13,14 +13,15 @@ pub(crate) fn all() -> Vec<usize> {
     .clone()
 }
 
-/// Keeps this thread, and what it starts from now on, on the last processor: the first serves interrupts.
+/// Pins this thread, and threads and processes that it starts later, to the last CPU: the first one serves interrupts.
 pub(crate) fn pin_to_one() {
     let last = all().last().copied().unwrap_or_default();
     pin(&[last]);
 }
 
-/// Keeps this thread, and what it starts from now on, on some processors.
+/// Pins this thread, and threads and processes that it starts later, to some CPUs.
 pub(crate) fn pin(cpus: &[usize]) {
+    // Determine all CPUs before this thread is limited.
     all();
     let mut set = CpuSet::new();
     cpus.iter().for_each(|&cpu| set.set(cpu));

@@ -1,4 +1,4 @@
-//! Where the time of a window goes, stage by stage, seen from outside.
+//! CPU time of a window by stage, measured by calling the stages one by one.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use fringeflow::phase::{
     MotionFit, MotionScratch, PhaseMap, SequenceCheck, SequenceScratch, Validity, decode, decode_moving_into,
 };
 
-use super::bench::{Bench, Measured, STEPS};
+use super::bench::{Bench, PreparedScene, STEPS};
 use super::clock::{Contender, contender, interleave, median};
 use super::line::Report;
 use super::scenes::{Workers, shifts, shifts_rad};
@@ -19,11 +19,11 @@ use super::sliding::{window, window_images};
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let mut columns: Vec<(String, Vec<(&'static str, f64)>)> = Vec::new();
     for (name, measured) in [("easy", bench.easy()), ("hard", bench.hard())] {
-        columns.push((name.to_owned(), of_window(&measured, bench.repetitions.min(7))));
+        columns.push((name.to_owned(), profile_window(&measured, bench.repetitions.min(7))));
     }
-    report.note(table(&columns));
-    let moving = of_moving_window(&bench.easy(), bench.repetitions.min(5));
-    report.note(table(&[("a window of six images".to_owned(), moving.clone())]));
+    report.note(format_table(&columns));
+    let moving = profile_moving_window(&bench.easy(), bench.repetitions.min(5));
+    report.note(format_table(&[("a window of six images".to_owned(), moving.clone())]));
     let object = |stages: &[(&str, f64)]| json!(stages.iter().copied().collect::<std::collections::BTreeMap<_, _>>());
     let mut data: serde_json::Map<String, serde_json::Value> =
         columns.iter().map(|(name, stages)| (name.clone(), object(stages))).collect();
@@ -31,8 +31,8 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     report.data("profile_ms", data.into());
 }
 
-/// Milliseconds of CPU of every stage of one window of four images; what is not seen from outside is told as the rest.
-fn of_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)> {
+/// CPU milliseconds of each stage, for a window of four images. Steps that cannot be called separately are the rest.
+fn profile_window(measured: &PreparedScene, repetitions: usize) -> Vec<(&'static str, f64)> {
     let (table, [width, height], validity) = (&measured.table, measured.scene.size_px, Validity::default());
     let levels = measured.images.levels();
     let mut workers = Workers::with_table(&measured.scene, Arc::clone(table), STEPS);
@@ -58,17 +58,17 @@ fn of_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)
     let (names, mut contenders): (Vec<_>, Vec<_>) = stages.into_iter().unzip();
     let spent = interleave(repetitions, &mut contenders);
     let ms = |place: usize| median(spent[place].iter().map(|s| s.cpu_ns * 1e-6));
-    let mut told: Vec<(&'static str, f64)> = names.iter().enumerate().map(|(i, name)| (*name, ms(i))).collect();
-    // What is part of the matching stands indented below it.
-    let parts: f64 = told[4..].iter().map(|(_, ms)| ms).sum();
-    let matching = told.remove(2).1;
-    told.push(("rest of the matching", matching - parts));
-    told.push(("all", told.iter().map(|(_, ms)| ms).sum()));
-    told
+    let mut stages_ms: Vec<(&'static str, f64)> = names.iter().enumerate().map(|(i, name)| (*name, ms(i))).collect();
+    // The stages from index 4 on are parts of the matching. Replace the matching by its rest.
+    let parts: f64 = stages_ms[4..].iter().map(|(_, ms)| ms).sum();
+    let matching = stages_ms.remove(2).1;
+    stages_ms.push(("rest of the matching", matching - parts));
+    stages_ms.push(("all", stages_ms.iter().map(|(_, ms)| ms).sum()));
+    stages_ms
 }
 
-/// The stages that a window of a moving scanner has instead of plain decoding.
-fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static str, f64)> {
+/// CPU milliseconds of the stages that a window of a moving scanner has instead of plain decoding.
+fn profile_moving_window(measured: &PreparedScene, repetitions: usize) -> Vec<(&'static str, f64)> {
     let (images, [width, height]) = (measured.scene.moving_images(STEPS), measured.scene.size_px);
     let (window, validity, cycle) = (window(&images, 0), Validity::default(), shifts_rad(STEPS));
     let all: Vec<f64> = cycle.iter().copied().cycle().take(window_images()).collect();
@@ -90,15 +90,15 @@ fn of_moving_window(measured: &Measured, repetitions: usize) -> Vec<(&'static st
     names.into_iter().zip(spent).map(|(name, spent)| (name, median(spent.iter().map(|s| s.cpu_ns * 1e-6)))).collect()
 }
 
-/// A table with a column for each of these, rows where any has one.
-fn table(columns: &[(String, Vec<(&'static str, f64)>)]) -> String {
+/// Formats profiles as a table, one column each. There is a row for each stage of any profile.
+fn format_table(columns: &[(String, Vec<(&'static str, f64)>)]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for (name, _) in columns.iter().flat_map(|(_, stages)| stages) {
         if !names.contains(name) {
             names.push(name);
         }
     }
-    // The sum comes last, whatever order the stages have.
+    // Put the sum last.
     names.sort_by_key(|name| *name == "all");
     let mut text = format!("{:<30}", "CPU ms of a window");
     columns.iter().for_each(|(name, _)| text += &format!("{name:>24}"));

@@ -1,7 +1,7 @@
-//! Recording images, against writing as many bytes to the same disk; both are asked to be kept at the end.
+//! Recording images, relative to writing as many bytes to the same disk. Both are synchronized to the disk at the end.
 //!
-//! Images come as those of cameras do, when the ones before are on their way: all at once they would fill the queue, whose memory
-//! would be touched for the first time, which a recording of more than a moment does not do.
+//! Like those of cameras, images are pushed only when the previous ones are being written. Pushed all at once, they
+//! would fill the queue and touch its memory for the first time, which does not happen in longer recordings.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -14,16 +14,16 @@ use fringeflow_recording::{Opening, Origin, Recorder};
 
 use super::bench::Bench;
 use super::clock::{contender, interleave};
-use super::line::{Report, Time, Wanted};
+use super::line::{Report, Target, Time};
 use super::scenes::bench_folder;
 
-const WANTED: f64 = 1.15;
-/// Pairs of images of a recording, and a queue that would hold them all.
+const TARGET: f64 = 1.15;
+/// Image pairs per recording, and a queue that could hold them all.
 const PAIRS: u64 = 40;
 const QUEUE_BYTES: usize = 1 << 30;
-/// Images that may wait before the next one comes, and how long the camera takes to see that they do not.
-const WAITING: usize = 2;
-const PAUSE: Duration = Duration::from_micros(200);
+/// Number of waiting images at which no further one is pushed, and the time between checks.
+const MAX_WAITING: usize = 2;
+const POLL_INTERVAL: Duration = Duration::from_micros(200);
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
@@ -31,7 +31,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let pairs = if bench.is_measured { PAIRS } else { 1 };
     let folder = bench_folder();
     let [target, plain] = [folder.join("ratio.mcap"), folder.join("plain.bytes")];
-    // They stay as they are until they are dropped, as those in the memory of a channel do.
+    // Shared and unchanged until dropped, like images in the memory of a channel.
     let shared = |image: &GreyImage| Arc::<[u8]>::from(image.pixels.as_slice());
     let images = easy.images.cameras.each_ref().map(|images| images.iter().map(shared).collect::<Vec<_>>());
     let image = |camera: usize, number: u64| &images[camera][number as usize % 4];
@@ -42,8 +42,8 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         let recorder = Recorder::create(&target, &opening, QUEUE_BYTES).unwrap();
         for number in 0..pairs {
             for camera in 0..2 {
-                while recorder.waiting() >= WAITING {
-                    std::thread::sleep(PAUSE);
+                while recorder.waiting() >= MAX_WAITING {
+                    std::thread::sleep(POLL_INTERVAL);
                 }
                 let header = header(bench.size_px, camera as u32 + 1, number);
                 recorder.push_held(&header, Arc::clone(image(camera, number)));
@@ -70,7 +70,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let spent = interleave(bench.repetitions.min(9), &mut [contender(record), contender(write)]);
     for (time, name) in [(Time::Cpu, "CPU"), (Time::Wall, "wall")] {
         let name = format!("recording uncompressed ÷ plain write of {:.0} MB, {name}", bytes as f64 * 1e-6);
-        report.ratio(&name, &spent[0], &spent[1], time, Wanted::AtMost(WANTED));
+        report.ratio(&name, &spent[0], &spent[1], time, Target::AtMost(TARGET));
     }
     [target, plain].iter().for_each(|file| std::fs::remove_file(file).unwrap());
 }

@@ -1,4 +1,5 @@
-//! The segment table: building against the maps that rectify a stereo pair, loading against copying its bytes.
+//! The segment table: building it, relative to the maps that rectify a stereo pair; loading it, relative to copying its
+//! bytes.
 
 use std::hint::black_box;
 
@@ -6,12 +7,13 @@ use fringeflow::correspondence::{Fingerprint, SegmentTable};
 
 use super::bench::Bench;
 use super::clock::{contender, interleave};
-use super::line::{Report, Time, Wanted};
+use super::line::{Report, Target, Time};
 use super::scenes::bench_folder;
 
-/// Building in two calls of `initUndistortRectifyMap`, loading in copies of the file's bytes.
-const BUILD: f64 = 20.0;
-const LOAD: f64 = 2.0;
+/// Targets: building, relative to two calls of `initUndistortRectifyMap`; loading, relative to a copy of the file's
+/// bytes.
+const BUILD_TARGET: f64 = 20.0;
+const LOAD_TARGET: f64 = 2.0;
 
 pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     let easy = bench.easy();
@@ -24,7 +26,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
                 _ = black_box(SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap());
             });
             let spent = interleave(repetitions.min(5), &mut [ours, peers.contender("undistort_maps")]);
-            report.ratio(build, &spent[0], &spent[1], Time::Cpu, Wanted::AtMost(BUILD));
+            report.ratio(build, &spent[0], &spent[1], Time::Cpu, Target::AtMost(BUILD_TARGET));
         }
     }
     let file = bench_folder().join("easy.segments");
@@ -36,7 +38,13 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         contender(|| black_box(&mut copy).copy_from_slice(black_box(&source))),
     ];
     let spent = interleave(repetitions, &mut contenders);
-    report.ratio("segment table: load ÷ memcpy of its file", &spent[0], &spent[1], Time::Wall, Wanted::AtMost(LOAD));
+    report.ratio(
+        "segment table: load ÷ memcpy of its file",
+        &spent[0],
+        &spent[1],
+        Time::Wall,
+        Target::AtMost(LOAD_TARGET),
+    );
     let (bytes, pixels) = (source.len() as f64, (bench.size_px[0] * bench.size_px[1]) as f64);
-    report.note(format!("segment table: {:.1} MB, {:.1} bytes a pixel", bytes * 1e-6, bytes / pixels));
+    report.note(format!("segment table: {:.1} MB, {:.1} bytes per pixel", bytes * 1e-6, bytes / pixels));
 }

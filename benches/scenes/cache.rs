@@ -1,4 +1,4 @@
-//! Rendered images in files: tracing the rays of 1280 × 1024 pixels takes seconds to minutes.
+//! Cache of rendered images in files, because rendering 1280 × 1024 pixels takes seconds to minutes.
 
 use sha2::{Digest, Sha256};
 
@@ -7,11 +7,11 @@ use fringeflow_dataset::GreyImage;
 
 use super::{Images, bench_folder};
 
-/// To be raised when the virtual scanner makes other images of the same options.
+/// Raise this when the virtual scanner renders other images for the same options.
 const VERSION: u32 = 1;
 
-/// The images that belong to a key: those of the file, or rendered and put into it.
-pub(super) fn images(
+/// Reads the images for a key from their file, or renders and saves them.
+pub(super) fn read_or_render(
     key: &str,
     size_px: [usize; 2],
     format: PixelFormat,
@@ -30,7 +30,7 @@ pub(super) fn images(
         return Images { cameras: [0, 1].map(|_| all.by_ref().take(images).collect()) };
     }
     eprintln!("rendering {images} images of both cameras, {} × {} pixels, once ...", size_px[0], size_px[1]);
-    // By all cores, whatever the measurements are limited to.
+    // Use all cores, even if the measurements are limited to some.
     let cameras = rayon::ThreadPoolBuilder::new().build().unwrap().install(render);
     std::fs::create_dir_all(&folder).unwrap();
     let bytes: Vec<u8> = cameras.iter().flatten().flat_map(|image| image.pixels.iter().copied()).collect();

@@ -1,4 +1,4 @@
-//! What the benches measure on: scenes of the virtual scanner, rendered once and kept below `target/bench/scenes`.
+//! Scenes of the virtual scanner for the benches, rendered once and kept in `target/bench/scenes`.
 
 mod cache;
 mod workers;
@@ -18,49 +18,50 @@ use fringeflow_lab::simulation::{
 
 pub(crate) use workers::Workers;
 
-/// The size that all figures are stated for.
+/// Image size of all measurements.
 pub(crate) const FULL_PX: [usize; 2] = [1280, 1024];
-/// The size at which `cargo test` sees whether the benches run at all.
+/// Image size when `cargo test` only checks that the benches run.
 pub(crate) const SMALL_PX: [usize; 2] = [320, 256];
-/// Images of a moving scanner, one a pose.
+/// Images of a moving scanner, one per pose.
 pub(crate) const MOVING_IMAGES: usize = 16;
 
-/// How cameras and projector stand to each other.
+/// Arrangement of cameras and projector, and what lies behind the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Geometry {
-    /// Projector inside the base, where hardly a wrong fringe order passes the back-projection test.
+    /// Projector inside the base, where hardly any wrong fringe order passes the back-projection test.
     Easy,
     /// Projector outside the base, at a place where every third order passes it.
     Hard,
-    /// As `Easy` in a volume of twice the depth, with twice the fringe period: segments of twice the length with as many periods
-    /// on them; the same of the object is hidden, and as many pixels have several candidates.
+    /// Like `Easy`, in a volume of twice the depth with twice the fringe period: segments are twice as long and have
+    /// the same number of periods. The same part of the object is hidden, and as many pixels have several candidates.
     DeepVolume,
-    /// As `Easy` in a volume of four times the depth, with the same fringe period: four times as many fringe orders on a segment.
+    /// Like `Easy`, in a volume of four times the depth with the same fringe period: four times as many fringe orders
+    /// per segment.
     ManyOrders,
-    /// As `Easy` with nothing under the object.
+    /// Like `Easy`, with nothing under the object.
     NoBoard,
-    /// As `Easy` with a board far behind the volume instead of the one under the object.
+    /// Like `Easy`, with a board far behind the volume instead of the one under the object.
     BoardBehind,
 }
 
-/// A scene as one size of cameras sees it.
+/// A scene, seen by cameras of one image size.
 pub(crate) struct Scene {
     pub(crate) geometry: Geometry,
     pub(crate) size_px: [usize; 2],
     pub(crate) rig: VirtualRig,
-    /// Rays are traced when the first image is not in the cache.
+    /// Traced rays; computed when an image is not in the cache.
     traced: OnceLock<Simulation>,
 }
 
-/// The images of both cameras, one a step or one a pose.
+/// Images of both cameras, one per step or pose.
 pub(crate) struct Images {
     pub(crate) cameras: [Vec<GreyImage>; 2],
 }
 
 impl Geometry {
     fn rig_options(self, size_px: [usize; 2]) -> RigOptions {
-        // The lenses of the cameras are longer than the table-top's and that of the projector is shorter, so that the object
-        // fills the images: what is counted by points is then counted by pixels too.
+        // Camera lenses are longer than in the table-top arrangement, and the projector lens is shorter, so the object
+        // fills the images. Then costs per point are also costs per pixel.
         let table_top = Arrangement { camera_focal_px: 2150.0, projector_focal_px: 2900.0, ..Arrangement::TABLE_TOP };
         let depth_m = OBJECT.usual_depth_m();
         let easy = RigOptions {
@@ -99,7 +100,7 @@ impl Geometry {
 }
 
 const OBJECT: Object = Object::Teeth;
-/// A board behind the volume.
+/// Distance of the board behind the volume, and its albedo.
 const BEHIND_MM: f64 = 85.0;
 const BEHIND_ALBEDO: f64 = 0.3;
 const NOISE: NoiseLevel = NoiseLevel::Low;
@@ -107,15 +108,16 @@ const PERIOD_PX: f64 = 16.0;
 /// sd of δ from the calibration error alone, rad.
 const SD_RAD: f64 = 0.015;
 const HARD_SD_RAD: f64 = 0.017;
-/// Places of the projector, found by measurement: that of the table-top moved by half a millimetre, where 2 to 3 % of the pixels
-/// with candidates have several that pass the test, and one where, with that error, 15 % have. In the deeper volume fringes of
-/// twice the period need another place for as many pixels to have several candidates that might be readmitted, one in six.
+/// Places of the projector along the base, found by measurement. Easy: that of the table-top arrangement, moved by half
+/// a millimetre; 2 to 3 % of the pixels with candidates have several that pass the test. Hard: with its calibration
+/// error, 15 % have several. Deep: with fringes of twice the period, another place is needed so that as many pixels
+/// have several candidates that might be readmitted, one in six.
 const EASY_PLACE: f64 = 0.375;
 const HARD_PLACE: f64 = 1.332;
 const DEEP_PLACE: f64 = 0.342;
 
 impl Scene {
-    /// A scene; nothing is rendered yet.
+    /// Creates a scene. Nothing is rendered yet.
     pub(crate) fn new(geometry: Geometry, size_px: [usize; 2]) -> Self {
         let rig = VirtualRig::new(&geometry.rig_options(size_px)).unwrap();
         Self { geometry, size_px, rig, traced: OnceLock::new() }
@@ -126,18 +128,18 @@ impl Scene {
         SegmentTable::build(&self.rig.calibrated, &self.rig.volume, &self.rig.columns).unwrap()
     }
 
-    /// One cycle of `steps` images of the scene at rest.
+    /// Images of the scene at rest, one cycle of `steps`.
     pub(crate) fn images(&self, steps: usize, format: PixelFormat) -> Images {
         let (rig, board) = (self.geometry.rig_options(self.size_px), self.geometry.board());
         let key = format!("{rig:?} {OBJECT:?} {board:?} {NOISE:?} N{steps} {format:?}");
-        cache::images(&key, self.size_px, format, steps, || self.take(steps, format))
+        cache::read_or_render(&key, self.size_px, format, steps, || self.render(steps, format))
     }
 
-    /// Images of the scanner moved by 0.03 mm from image to image, the steps of a cycle in turn.
+    /// Images of a scanner that moves by 0.03 mm from image to image. Steps repeat in a cycle.
     pub(crate) fn moving_images(&self, steps: usize) -> Images {
-        let options = self.moving(steps);
+        let options = self.moving_options(steps);
         let key = format!("{options:?}");
-        cache::images(&key, self.size_px, options.format, MOVING_IMAGES, || {
+        cache::read_or_render(&key, self.size_px, options.format, MOVING_IMAGES, || {
             let scanner = VirtualScanner::new(options).unwrap();
             let mut poses = PoseImages::new(&scanner);
             let pairs: Vec<[GreyImage; 2]> = (0..MOVING_IMAGES).map(|k| poses.take(k % steps).unwrap()).collect();
@@ -146,12 +148,12 @@ impl Scene {
         })
     }
 
-    /// The texts that describe its rig.
+    /// Description and calibration of its rig.
     pub(crate) fn setup_text(&self) -> SetupText {
-        VirtualScanner::new(self.moving(4)).unwrap().setup_text().unwrap()
+        VirtualScanner::new(self.moving_options(4)).unwrap().setup_text().unwrap()
     }
 
-    fn moving(&self, steps: usize) -> VirtualScannerOptions {
+    fn moving_options(&self, steps: usize) -> VirtualScannerOptions {
         let sweep = SweepOptions {
             poses: MOVING_IMAGES,
             travel_mm: [0.07, 0.06, 0.01],
@@ -166,7 +168,7 @@ impl Scene {
         VirtualScannerOptions { rig, steps, noise: NOISE, sweep, ..usual }
     }
 
-    fn take(&self, steps: usize, format: PixelFormat) -> [Vec<GreyImage>; 2] {
+    fn render(&self, steps: usize, format: PixelFormat) -> [Vec<GreyImage>; 2] {
         let simulation = self.traced.get_or_init(|| {
             let usual = SimulationOptions::usual(OBJECT);
             let rig = self.geometry.rig_options(self.size_px);
@@ -187,7 +189,7 @@ impl Scene {
 }
 
 impl Images {
-    /// What the workers take, of both cameras.
+    /// Grey levels of both cameras, as input of the workers.
     pub(crate) fn levels(&self) -> [Vec<GreyLevels<'_>>; 2] {
         [0, 1].map(|camera| GreyImage::levels_of(&self.cameras[camera]))
     }
@@ -198,18 +200,18 @@ pub(crate) fn shifts_rad(steps: usize) -> Vec<f64> {
     (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
-/// The same as the decoder takes them.
+/// The same, as input of the decoder.
 pub(crate) fn shifts(steps: usize) -> PhaseShifts {
     PhaseShifts::new(&shifts_rad(steps)).unwrap()
 }
 
-/// Share of the pixels with candidates that pass the back-projection test that have more than one of them.
+/// Of the pixels with candidates that pass the back-projection test, the share with more than one.
 pub(crate) fn ambiguous_share(matches: &Matches) -> f64 {
     let at_least = |count: u8| matches.passing.iter().filter(|&&passing| passing >= count).count();
     at_least(2) as f64 / at_least(1).max(1) as f64
 }
 
-/// Folder of everything that the benches leave: `target/bench`.
+/// Folder for all files of the benches: `target/bench`.
 pub(crate) fn bench_folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("bench");
     std::fs::create_dir_all(&folder).unwrap();

@@ -1,4 +1,4 @@
-//! The three workers, one after the other in one thread, as a process of its own runs each of them.
+//! The three workers, one after the other in one thread. In an instance, each has its own process.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use fringeflow_base::grey::GreyLevels;
 
 use super::{Scene, shifts};
 
-/// Workers and what passes between them.
+/// The workers and their outputs.
 pub(crate) struct Workers {
     phase: PhaseWorker,
     correspondence: CorrespondenceWorker,
@@ -21,17 +21,17 @@ pub(crate) struct Workers {
 }
 
 impl Workers {
-    /// Workers for a scene and so many steps.
+    /// Creates workers for a scene and a number of steps.
     pub(crate) fn new(scene: &Scene, steps: usize) -> Self {
         Self::with_table(scene, Arc::new(scene.table()), steps)
     }
 
-    /// The same with a table that is there already.
+    /// Creates workers with an existing segment table.
     pub(crate) fn with_table(scene: &Scene, table: Arc<SegmentTable>, steps: usize) -> Self {
         Self::with_settings(scene, table, steps, MatchSettings::default())
     }
 
-    /// The same with other settings.
+    /// Creates workers with an existing segment table and other settings.
     pub(crate) fn with_settings(
         scene: &Scene,
         table: Arc<SegmentTable>,
@@ -49,24 +49,24 @@ impl Workers {
         }
     }
 
-    /// The cloud of a window that begins with a step.
+    /// Makes the cloud of a window that starts with step `first_step`.
     pub(crate) fn cloud(&mut self, first_step: usize, window: &[Vec<GreyLevels<'_>>; 2]) -> &Cloud {
         self.decode(first_step, window);
         self.search();
         self.triangulate()
     }
 
-    /// Images to phase maps.
+    /// Computes the phase maps of the images.
     pub(crate) fn decode(&mut self, first_step: usize, [cam1, cam2]: &[Vec<GreyLevels<'_>>; 2]) {
         self.phase.step(first_step, cam1, cam2, None, &mut self.maps).unwrap();
     }
 
-    /// Phase maps to correspondences.
+    /// Computes the correspondences of the phase maps.
     pub(crate) fn search(&mut self) {
         self.correspondence.step(&self.maps, &mut self.found).unwrap();
     }
 
-    /// Correspondences to points.
+    /// Computes the points of the correspondences.
     pub(crate) fn triangulate(&mut self) -> &Cloud {
         self.cloud.step(&self.found, &mut self.points);
         &self.points

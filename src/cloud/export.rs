@@ -6,16 +6,8 @@ use fringeflow_base::atomic_file::{WriteError, write_atomically};
 
 use crate::calibration::Unit;
 
+use super::record::CloudExport;
 use super::{Cloud, CloudPoint, npz, pcd, ply};
-
-/// Unit and origin of an exported cloud.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CloudExport<'a> {
-    /// Unit of `x y z` and `sigma`.
-    pub unit: Unit,
-    /// Name of the dataset or recording that the cloud comes from.
-    pub dataset: &'a str,
-}
 
 /// File format of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,9 +10,11 @@ mod record;
 mod reference;
 mod triangulate;
 
-pub use export::{CloudExport, CloudFormat, CloudWriteError};
+pub use export::{CloudFormat, CloudWriteError};
 pub use ply::ply_header;
-pub use record::{FIELDS, RECORD_BYTES, Scalar, decode_record, encode_records, read_records, write_records};
+pub use record::{
+    CloudExport, FIELDS, RECORD_BYTES, Scalar, decode_record, encode_records, read_records, write_records,
+};
 pub use reference::reference_cloud;
 pub use triangulate::{TriangulationInput, Triangulator};
 

@@ -5,7 +5,18 @@
 
 use rayon::prelude::*;
 
+use crate::calibration::Unit;
+
 use super::CloudPoint;
+
+/// Unit and origin of an exported cloud.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CloudExport<'a> {
+    /// Unit of `x y z` and `sigma`.
+    pub unit: Unit,
+    /// Name of the dataset or recording that the cloud comes from.
+    pub dataset: &'a str,
+}
 
 /// Scalar type of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

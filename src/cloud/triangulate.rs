@@ -46,7 +46,7 @@ pub struct TriangulationInput<'a> {
     pub table: &'a SegmentTable,
 }
 
-/// Triangulates the windows of one rig, in the same memory.
+/// Triangulates the windows of one rig, reusing its memory.
 #[derive(Clone, Debug)]
 pub struct Triangulator {
     triangulation: ImageTriangulation,

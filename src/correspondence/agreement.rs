@@ -2,17 +2,18 @@
 
 use super::delta_statistics::DeltaStatistics;
 
-/// The images count as exchanged if δ scatters by less than this share of the measured sd when they are the other way
-/// round, and more references are found: with exchanged images δ is spread over the whole test.
+/// The images count as exchanged if δ scatters by less than this share of the measured sd once they are swapped, and
+/// more references are found: with exchanged images δ is spread over the whole test.
 const EXCHANGED_SD_RATIO: f64 = 0.5;
-/// Most expected false candidates (Eq. 1). Above six times what the paper recommends δ tells nothing.
+/// Most expected false candidates (Eq. 1): six times as many as the paper recommends. Beyond, δ has no meaning.
 const MAX_FALSE_CANDIDATES: f64 = 3.0;
-/// Largest sd of δ, rad: above it the test passes over two fifths of all wrong candidates. It matters only with this
-/// many expected false candidates: on segments of one period there are none.
+/// Largest sd of δ, rad: above it the test passes more than two fifths of all wrong candidates. It matters only from
+/// this many expected false candidates on: on segments of one period there are none.
 const MAX_SD_RAD: f64 = 0.45;
 const MANY_FALSE_CANDIDATES: f64 = 1.0;
-/// The same for the sd about the drift of the calibration. Images of this calibration leave noise alone.
-const MAX_REST_SD_RAD: f64 = 0.25;
+/// Largest sd of δ about the drift of the calibration, rad, and the expected false candidates from which on it matters.
+/// Images of this calibration leave noise alone.
+const MAX_RESIDUAL_SD_RAD: f64 = 0.25;
 const SOME_FALSE_CANDIDATES: f64 = 0.5;
 /// Least share of the pixels with candidates that must find a correspondence where sd is suspicious: wrong orders
 /// seldom agree.
@@ -93,7 +94,7 @@ pub(super) fn check_order(
     }
 }
 
-/// Refuses images whose δ scatters so widely that it tells nothing. `exchanged` measures δ with the images exchanged.
+/// Refuses images whose δ scatters so widely that it has no meaning. `exchanged` measures δ with the images exchanged.
 pub(super) fn check_scatter(
     delta: &DeltaStatistics,
     exchanged: impl FnOnce() -> Option<DeltaStatistics>,
@@ -104,13 +105,14 @@ pub(super) fn check_scatter(
 }
 
 /// Refuses images whose δ scatters widely even about the drift of the calibration.
-pub(super) fn check_rest(rest: &DeltaStatistics) -> Result<(), MatchError> {
-    refuse_if(rest.sd_rad > MAX_REST_SD_RAD && rest.expected_false_candidates() > SOME_FALSE_CANDIDATES, rest)
+pub(super) fn check_residual(residual: &DeltaStatistics) -> Result<(), MatchError> {
+    let is_wide = residual.sd_rad > MAX_RESIDUAL_SD_RAD;
+    refuse_if(is_wide && residual.expected_false_candidates() > SOME_FALSE_CANDIDATES, residual)
 }
 
-fn refuse_if(tells_nothing: bool, delta: &DeltaStatistics) -> Result<(), MatchError> {
+fn refuse_if(is_meaningless: bool, delta: &DeltaStatistics) -> Result<(), MatchError> {
     let (DeltaStatistics { sd_rad, mean_periods, .. }, efc) = (*delta, delta.expected_false_candidates());
-    if tells_nothing { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
+    if is_meaningless { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
 /// Refuses a result where few of the `pixels` with candidates have `found` a correspondence, if the measured δ is

@@ -1,8 +1,8 @@
 //! Candidates: the points of a segment whose wrapped phase equals that of the pixel, and their back-projection test
 //! (paper, sections 2.1 and 2.3).
 //!
-//! The scan looks at every pair of neighbouring columns of a segment. With an open gate it also finds the candidates
-//! that fail the test; sd is estimated from these.
+//! The scan examines every pair of neighbouring columns of a segment. With an open gate it also finds the candidates
+//! that fail the test; sd is estimated from all of them.
 
 use std::ops::ControlFlow;
 
@@ -22,6 +22,21 @@ pub struct Candidate {
     pub delta: i16,
     /// Rise of the phase of C2 over one column, turns · 65536.
     pub slope: i16,
+}
+
+/// A candidate of the order that a surface decided.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DecidedCandidate {
+    /// Column and row of the pixel of C1.
+    pub(super) pixel: [usize; 2],
+    /// Column of the candidate in the epipolar frame.
+    pub(super) column_px: f32,
+    /// δ, turns.
+    pub(super) delta_turns: f32,
+    /// δ less the known drift, turns.
+    pub(super) residual_turns: f32,
+    /// Number of the node of the surface; `u32::MAX` if the node is not clear.
+    pub(super) node: u32,
 }
 
 /// The back-projection test |δ − mean| < thr (paper, section 2.1).

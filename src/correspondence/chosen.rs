@@ -6,8 +6,8 @@ use super::candidates::Candidate;
 
 /// The chosen candidates of all pixels of C1, row by row.
 ///
-/// Whole images are read and sent array by array. All numbers are zero where no candidate was chosen;
-/// [`super::Outcome`] tells these pixels.
+/// Whole images are read and sent array by array. All numbers are zero where no candidate was chosen; only
+/// [`super::Outcome`] distinguishes these pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChosenCandidates {
     /// Columns in the epipolar frame, pixels.
@@ -56,14 +56,13 @@ impl ChosenCandidates {
 
     /// The rows, to be written.
     pub(super) fn rows_mut(&mut self, width: usize) -> impl IndexedParallelIterator<Item = ChosenRow<'_>> {
-        let columns_and_orders = self.column_px.par_chunks_mut(width).zip(self.order.par_chunks_mut(width));
-        let rest = self.delta.par_chunks_mut(width).zip(self.slope.par_chunks_mut(width));
-        columns_and_orders.zip(rest).map(|((column_px, order), (delta, slope))| ChosenRow {
-            column_px,
-            order,
-            delta,
-            slope,
-        })
+        let arrays = (
+            self.column_px.par_chunks_mut(width),
+            self.order.par_chunks_mut(width),
+            self.delta.par_chunks_mut(width),
+            self.slope.par_chunks_mut(width),
+        );
+        arrays.into_par_iter().map(|(column_px, order, delta, slope)| ChosenRow { column_px, order, delta, slope })
     }
 }
 

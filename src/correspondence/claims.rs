@@ -12,14 +12,15 @@ struct Owner {
     absolute: i32,
 }
 
-/// No claim yet.
-const NOBODY: Owner = Owner { precedence: f32::NEG_INFINITY, absolute: 0 };
+/// A place without a claim.
+const UNCLAIMED: Owner = Owner { precedence: f32::NEG_INFINITY, absolute: 0 };
 
 /// A pixel's claim on a place.
 #[derive(Clone, Copy)]
 pub(super) struct Claim {
     /// Index of the place in the epipolar frame.
     pub(super) place: u32,
+    /// The claim with the greatest precedence holds the place.
     pub(super) precedence: f32,
     /// Absolute phase, turns · 65536.
     pub(super) absolute: i32,
@@ -35,12 +36,12 @@ impl Claims {
     /// Resets to `places` unclaimed places.
     pub(super) fn clear(&mut self, places: usize) {
         self.owners.clear();
-        self.owners.resize(places, NOBODY);
+        self.owners.resize(places, UNCLAIMED);
     }
 
     /// Adds a claim. Of equal ones the first keeps the place.
     #[inline(always)]
-    pub(super) fn make(&mut self, claim: Claim) {
+    pub(super) fn add(&mut self, claim: Claim) {
         let owner = &mut self.owners[claim.place as usize];
         if claim.precedence > owner.precedence {
             *owner = Owner { precedence: claim.precedence, absolute: claim.absolute };
@@ -59,7 +60,7 @@ impl Claims {
 
     #[inline(always)]
     fn loses(&self, place: usize, claim: Claim, handicap: f32) -> bool {
-        let owner = self.owners.get(place).unwrap_or(&NOBODY);
+        let owner = self.owners.get(place).unwrap_or(&UNCLAIMED);
         (owner.precedence > claim.precedence + handicap) & ((owner.absolute - claim.absolute).abs() > SAME_ORDER)
     }
 }

@@ -130,7 +130,7 @@ impl DeltaHistogram {
 #[derive(Clone, Debug, Default)]
 pub(super) struct HistogramScratch(Pool<Part>);
 
-/// The count of one thread.
+/// Histogram over the rows that one thread takes, with its scratch memory.
 #[derive(Debug, Default)]
 struct Part {
     segments: SegmentRow,

@@ -1,4 +1,4 @@
-//! Disjoint sets (union-find, Tarjan 1975) whose members also know an offset in fringe orders.
+//! Disjoint sets (union-find, Tarjan 1975) whose members also have an offset in fringe orders.
 //!
 //! The offset of a member is its fringe order less that of the representative of its set.
 
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn members_know_their_set_and_their_offset() {
+    fn members_have_their_set_and_their_offset() {
         let mut sets = DisjointSets::default();
         sets.reset([1, 1, 5, 1, 2, 1].into_iter());
         sets.unite(0, 1, 3);

@@ -1,4 +1,12 @@
 //! The wrapped phase of C2, resampled into the epipolar frame. There every epipolar segment is part of a row.
+//!
+//! ```text
+//! copy the raw phase, with NO_PHASE for invalid pixels
+//! for each row of the frame, in parallel; for each block of pixels:
+//!     place in the raw image, from the source map
+//!     load the four pixels around each place
+//!     if all are valid, and opposite sides show nearly the same step: interpolate bilinearly, else take the nearest
+//! ```
 
 use rayon::prelude::*;
 
@@ -11,8 +19,8 @@ use super::pool::Pool;
 use super::segment_table::SegmentTable;
 use super::source_map::{PLACE_BITS, SourceRow};
 
-/// Largest phase difference between neighbours on one surface, turns · 65536: three eighths of a turn, the phase of
-/// fringes little wider than two and a half pixels.
+/// Largest phase difference between neighbours on one surface, turns · 65536: three eighths of a turn, as in
+/// fringes of 2.7 pixels.
 pub(super) const MAX_NEIGHBOUR_STEP: i32 = 24576;
 /// Largest difference of the steps along opposite sides of four pixels on one surface (33°). Where surfaces meet, the
 /// wrapped phase jumps by any amount, and the jumps on both sides are seldom alike.
@@ -27,7 +35,7 @@ pub struct EpipolarImage {
     pub width: usize,
     /// Wrapped phase, turns · 65536; [`Self::NO_PHASE`] where there is none.
     pub phase: Vec<u16>,
-    /// The last raw image, marked in the same way; scratch for the next one.
+    /// Scratch: the phase of the raw image, with [`Self::NO_PHASE`] for invalid pixels.
     pub(super) marked: Vec<u16>,
     /// Scratch for the coefficients along rows.
     pub(super) coefficients: Pool<Vec<[[f32; POWERS]; 2]>>,
@@ -202,7 +210,7 @@ impl Block {
             let (upper, lower) = (self.upper[i], self.lower[i]);
             let corners = [upper as u16, (upper >> 16) as u16, lower as u16, (lower >> 16) as u16];
             let shares = [self.columns[i] & (PARTS - 1), self.rows[i] & (PARTS - 1)];
-            self.phase[i] = mix(corners, shares) | !self.inside[i];
+            self.phase[i] = interpolate(corners, shares) | !self.inside[i];
         }
     }
 }
@@ -217,7 +225,7 @@ fn pair(phase: &[u16], first: usize) -> u32 {
 /// Phase between four pixels, `right` and `below` the upper left one by shares in 1/2048. Free of branches, so that the
 /// compiler vectorizes it.
 #[inline(always)]
-fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> u16 {
+fn interpolate([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> u16 {
     let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
     let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
     let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
@@ -238,11 +246,11 @@ fn mix([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, bel
     // five of the 22 bits after the point are dropped first; beyond them it is not used.
     let down = at_left * PARTS + (bottom - top) * right;
     let rise = top * right + ((down >> 6).wrapping_mul(below) >> 5);
-    let mixed = marked(upper_left.wrapping_add(((rise + PARTS / 2) >> PLACE_BITS) as u16));
+    let interpolated = marked(upper_left.wrapping_add(((rise + PARTS / 2) >> PLACE_BITS) as u16));
     let upper = if right >= PARTS / 2 { upper_right } else { upper_left };
     let lower = if right >= PARTS / 2 { lower_right } else { lower_left };
     let nearest = if below >= PARTS / 2 { lower } else { upper };
-    if smooth { mixed } else { nearest }
+    if smooth { interpolated } else { nearest }
 }
 
 #[cfg(test)]
@@ -252,7 +260,7 @@ mod tests {
 
     const NONE: u16 = EpipolarImage::NO_PHASE;
 
-    /// The same as a sum of the four corners in 64 bits, pixel by pixel: the oracle.
+    /// Bilinear interpolation in `f64`, pixel by pixel: the oracle.
     fn plain(image: Marked<'_>, place: [i32; 2]) -> u16 {
         let height = image.phase.len() / image.width;
         let [u, v] = place.map(|parts| i64::from(parts >> PLACE_BITS));
@@ -275,41 +283,41 @@ mod tests {
         corners[0].wrapping_add((rise + 0.5).floor() as i64 as u16)
     }
 
-    fn mixed(corners: [u16; 4], place: [i32; 2]) -> u16 {
+    fn interpolated(corners: [u16; 4], place: [i32; 2]) -> u16 {
         let mut block = Block { columns: [place[0]; BLOCK_PX], rows: [place[1]; BLOCK_PX], ..Block::default() };
         block.resample(Marked { phase: &corners, width: 2 });
         block.phase[7]
     }
 
     #[test]
-    fn phases_are_mixed_across_the_wrap() {
-        assert_eq!(mixed([65000, 536, 65000, 536], [1024, 0]), 0);
+    fn phases_are_interpolated_across_the_wrap() {
+        assert_eq!(interpolated([65000, 536, 65000, 536], [1024, 0]), 0);
     }
 
     #[test]
-    fn short_fringes_of_a_steep_surface_are_mixed() {
+    fn short_fringes_of_a_steep_surface_are_interpolated() {
         // 0.31 and 0.15 turns from pixel to pixel: the far corners are half a turn apart.
-        assert_eq!(mixed([0, 20000, 10000, 30000], [1024, 1024]), 15000);
-        assert_eq!(mixed([0, 20000, 10000, 40000], [1024, 1024]), 40000);
+        assert_eq!(interpolated([0, 20000, 10000, 30000], [1024, 1024]), 15000);
+        assert_eq!(interpolated([0, 20000, 10000, 40000], [1024, 1024]), 40000);
     }
 
     #[test]
     fn jumps_and_invalid_neighbours_leave_the_nearest() {
-        assert_eq!(mixed([100, 30000, 100, 30000], [312, 0]), 100);
-        assert_eq!(mixed([100, NONE, 100, 200], [312, 0]), 100);
-        assert_eq!(mixed([NONE, 200, 100, 200], [312, 0]), NONE);
+        assert_eq!(interpolated([100, 30000, 100, 30000], [312, 0]), 100);
+        assert_eq!(interpolated([100, NONE, 100, 200], [312, 0]), 100);
+        assert_eq!(interpolated([NONE, 200, 100, 200], [312, 0]), NONE);
     }
 
     #[test]
     fn a_place_outside_the_image_has_no_phase() {
         for outside in [[-1, 0], [0, -1], [2048, 0], [0, 2048], [i32::MAX, 0], [0, i32::MIN]] {
-            assert_eq!(mixed([100; 4], outside), NONE);
+            assert_eq!(interpolated([100; 4], outside), NONE);
         }
-        assert_eq!(mixed([100; 4], [2047, 2047]), 100);
+        assert_eq!(interpolated([100; 4], [2047, 2047]), 100);
     }
 
     #[test]
-    fn a_block_at_a_time_is_what_one_by_one_gives() {
+    fn a_block_is_resampled_as_its_pixels_one_by_one() {
         let mut random = random(5);
         let (width, height) = (37, 29);
         let (mut smooth, mut other) = (0, 0);
@@ -329,13 +337,13 @@ mod tests {
             for (i, &phase) in block.phase.iter().enumerate() {
                 let wanted = plain(image, [block.columns[i], block.rows[i]]);
                 let off = i32::from(phase.wrapping_sub(wanted) as i16);
-                // Bits that go first can turn a tie.
+                // The dropped bits can change the rounding.
                 assert!(off.abs() <= 1 && (phase == NONE) == (wanted == NONE), "{phase} for {wanted}");
                 smooth += usize::from(!image.phase.contains(&phase));
                 other += usize::from(phase == NONE);
             }
         }
-        assert!(smooth > 1000 && other > 500, "{smooth} mixed, {other} without a phase");
+        assert!(smooth > 1000 && other > 500, "{smooth} interpolated, {other} without a phase");
     }
 
     #[test]

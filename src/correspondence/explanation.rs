@@ -1,4 +1,5 @@
-//! Finds out why pixels have no candidate.
+//! The reasons why pixels have no candidate. In: the outcomes so far. Out: the outcomes, with the reason of each pixel
+//! without a correspondence. Cost: the search of some columns per such pixel.
 
 use rayon::prelude::*;
 
@@ -21,7 +22,7 @@ pub(super) fn explain_missing(
     outcomes.par_chunks_mut(width).enumerate().for_each_init(
         || scratches.take(),
         |segments, (v, outcomes)| {
-            let (mut is_here, mut guess_px) = (false, 0.0);
+            let (mut is_loaded, mut guess_px) = (false, 0.0);
             for (u, outcome) in outcomes.iter_mut().enumerate() {
                 let pixel = v * width + u;
                 if outcome.is_found() {
@@ -32,9 +33,9 @@ pub(super) fn explain_missing(
                 } else if !table.has_segment(pixel) {
                     *outcome = Outcome::OutsideVolume;
                 } else if *outcome == Outcome::NoCandidate {
-                    if !is_here {
+                    if !is_loaded {
                         table.row(v, segments);
-                        is_here = true;
+                        is_loaded = true;
                     }
                     let segment = segments.segment(u);
                     if phase_occurs(&RowView::new(cam2, segment.row_px), &segment, cam1.phase[pixel], &mut guess_px) {

@@ -7,14 +7,16 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::phase::PhaseMap;
 
-use super::agreement::{MatchError, check_order, check_rest, check_scatter, check_share};
+use super::agreement::{MatchError, check_order, check_residual, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::HistogramScratch;
-use super::delta_statistics::{DeltaScratch, DeltaStatistics, DeltaSums};
+use super::delta_measurement::DeltaScratch;
+use super::delta_statistics::{DeltaStatistics, DeltaSums};
 use super::drift::{Drift, DriftScratch, KnownDrift};
 use super::epipolar_image::EpipolarImage;
 use super::reference_methods::paper;
+use super::scene::Scene;
 use super::segment_table::SegmentTable;
 use super::semi_global::{self, Confidence, Grounds};
 use super::settings::{MatchSettings, ResolutionMethod};
@@ -24,7 +26,7 @@ use super::view::View;
 
 /// Relative change of sd after the paper's resolution that triggers a second pass with the new threshold.
 const SD_CHANGE: f64 = 0.5;
-/// Ratio of the fitting pixels with exchanged images to those without that shows that the images are exchanged.
+/// The images are exchanged if this many times as many pixels fit with the images swapped.
 const EXCHANGED_FITTING_RATIO: f32 = 1.25;
 
 /// Correspondences of all pixels of C1, row by row, and the statistics behind them.
@@ -96,11 +98,11 @@ pub fn match_phases_with_grounds(
     settings: &MatchSettings,
 ) -> Result<(Matches, Vec<Grounds>), MatchError> {
     let (mut matches, mut grounds) = (Matches::default(), Vec::new());
-    Matcher::default().match_on_grounds(cam1, cam2, table, (settings, None), &mut matches, Some(&mut grounds))?;
+    Matcher::default().match_with_grounds(cam1, cam2, table, (settings, None), &mut matches, Some(&mut grounds))?;
     Ok((matches, grounds))
 }
 
-/// Matches pairs of phase maps one after the other, in the same memory.
+/// Matches pairs of phase maps one after the other, reusing its memory.
 #[derive(Clone, Debug, Default)]
 pub struct Matcher {
     /// Phase of C2 in the epipolar frame.
@@ -126,10 +128,10 @@ impl Matcher {
         (settings, known): (&MatchSettings, Option<&KnownDrift>),
         out: &mut Matches,
     ) -> Result<(), MatchError> {
-        self.match_on_grounds(cam1, cam2, table, (settings, known), out, None)
+        self.match_with_grounds(cam1, cam2, table, (settings, known), out, None)
     }
 
-    fn match_on_grounds(
+    fn match_with_grounds(
         &mut self,
         cam1: &PhaseMap,
         cam2: &PhaseMap,
@@ -144,24 +146,24 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, histogram: of_histogram, delta: of_delta, drift, semi_global } = self;
+        let Self { cam2, histogram: histogram_scratch, delta: delta_scratch, drift, semi_global } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
         // A slip is corrected first: it moves every δ.
-        let mut histogram = of_histogram.count(View { cam1, cam2, table }, 0);
+        let mut histogram = histogram_scratch.count(View { cam1, cam2, table }, 0);
         let mut slip_steps = [0; 2];
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
             let view = View { cam1, cam2, table };
             if let Some(found) = correct_slip(view, &histogram, steps, (&mut semi_global.surfaces, drift)) {
                 (slip_steps, *cam2) = (found.slip_steps, found.cam2);
-                histogram = of_histogram.count(View { cam1: &found.cam1, cam2, table }, 0);
+                histogram = histogram_scratch.count(View { cam1: &found.cam1, cam2, table }, 0);
                 corrected = Some(found.cam1);
             }
         }
         let view = View { cam1: corrected.as_ref().unwrap_or(cam1), cam2, table };
-        let measured = of_delta.measure(view, &histogram, settings.resolution.min_votes);
+        let measured = delta_scratch.measure(view, &histogram, settings.resolution.min_votes);
         let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
         if let Some(sd_rad) = settings.delta_sd_rad {
             delta.sd_rad = sd_rad;
@@ -180,7 +182,7 @@ impl Matcher {
     }
 }
 
-/// One pair of phase maps and what its matching reads.
+/// Inputs of matching one pair of phase maps.
 struct Matching<'a> {
     view: View<'a>,
     /// The phase map of C2 before resampling.
@@ -201,16 +203,16 @@ impl Matching<'_> {
         let known = known.and_then(|known| Drift::from_known(known, table));
         let drift = surfaces::explain(self.view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
         if self.is_measured() {
-            // Both must speak for an exchange: δ, and the fit of surfaces.
+            // δ and the fit of surfaces must both indicate an exchange.
             let ordered = check_order(&delta, || self.exchanged());
             ordered.or_else(|error| if self.fits_exchanged(&scratch.surfaces) { Err(error) } else { Ok(()) })?;
         }
-        let rest = drift.residual_statistics(&delta);
-        self.check_scatter(&rest)?;
+        let residual = drift.residual_statistics(&delta);
+        self.check_scatter(&residual)?;
         if self.is_measured() {
-            check_rest(&rest)?;
+            check_residual(&residual)?;
         }
-        let scene = semi_global::Scene { cam1, cam2, table, drift: &drift };
+        let scene = Scene { cam1, cam2, table, drift: &drift };
         let limits = semi_global::Limits {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
@@ -218,9 +220,9 @@ impl Matching<'_> {
         let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
         let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
         scratch.resolve(&scene, &limits, &mut decisions, grounds);
-        let doubtful = self.is_measured() && (rest.is_suspicious() || drift.is_improbable());
+        let doubtful = self.is_measured() && (residual.is_suspicious() || drift.is_improbable());
         let sums = out.sums();
-        check_share(&rest, doubtful, sums.found, sums.with_candidates)?;
+        check_share(&residual, doubtful, sums.found, sums.with_candidates)?;
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
         out.delta = delta;
         out.drift = Some(drift);
@@ -258,13 +260,13 @@ impl Matching<'_> {
         self.settings.delta_sd_rad.is_none()
     }
 
-    /// Refuses a measured δ that scatters too widely to tell orders apart.
+    /// Refuses a measured δ that scatters too widely to distinguish orders.
     fn check_scatter(&self, delta: &DeltaStatistics) -> Result<(), MatchError> {
         if self.is_measured() { check_scatter(delta, || self.exchanged()) } else { Ok(()) }
     }
 
-    /// Whether surfaces fit better with the images exchanged. It confirms an exchange found by δ: where most of an
-    /// image sees what lies outside the volume, δ of true candidates may scatter more widely than that of wrong ones.
+    /// Whether surfaces fit better with the images exchanged. This confirms an exchange that δ indicates: if most of an
+    /// image sees surfaces outside the volume, δ of true candidates may scatter more widely than that of wrong ones.
     fn fits_exchanged(&self, explained: &surfaces::Scratch) -> bool {
         let mut scratch = surfaces::Scratch::default();
         let Some(image) = self.exchanged_image() else { return false };

@@ -25,7 +25,7 @@
 //! |---|---|
 //! | segments of a rig, once | *segment table*, *builder*, *file*, *patches*, *source map*, *fingerprint* |
 //! | C2 in the epipolar frame | *epipolar image*, *row view* |
-//! | candidates by the scan of a segment | *candidates*, *search*; those that are alone: *unique* |
+//! | candidates by the scan of a segment | *candidates*, *search*; pixels with exactly one: *unique* |
 //! | sd from the images | *delta histogram*, *delta statistics*, *support*; slips of the pattern sequence: *slip* |
 //! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
 //! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
@@ -44,7 +44,7 @@
 //! | scores of all orders of sampled pixels | `surfaces/order_scores.rs`, `order_scores` |
 //! | confirmation of known orders | `semi_global/kernels/confirm.rs`, `Row::confirm` |
 //! | matching costs of the other pixels | `semi_global/kernels/matching_cost.rs`, `Block::matching_costs` |
-//! | path sums | `semi_global/paths/mod.rs`, `Sweep::pixel` |
+//! | path sums | `semi_global/paths/sweep.rs`, `Sweep::advance` |
 //! | candidates of the decided orders | `semi_global/kernels/selection.rs`, `Block::select` |
 //! | support and confidence | `semi_global/grounds.rs`, `support`; `semi_global/confidence.rs`, `ConfidenceRow` |
 //!
@@ -57,6 +57,7 @@ mod chosen;
 mod claims;
 mod decay;
 mod delta_histogram;
+mod delta_measurement;
 mod delta_statistics;
 mod disjoint_sets;
 mod drift;
@@ -74,9 +75,11 @@ pub mod reference_methods;
 mod regions;
 mod row_view;
 mod runs;
+mod scene;
 mod search;
 mod segment;
 mod segment_builder;
+mod segment_fields;
 mod segment_file;
 mod segment_table;
 mod semi_global;
@@ -94,7 +97,8 @@ pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};
 pub use chosen::ChosenCandidates;
 pub use delta_histogram::DeltaHistogram;
-pub use delta_statistics::{DeltaStatistics, measure_delta};
+pub use delta_measurement::measure_delta;
+pub use delta_statistics::DeltaStatistics;
 pub use drift::{Drift, DriftMap, DriftModes, KnownDrift, estimate_drift};
 pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
@@ -102,8 +106,9 @@ pub use fringeflow_base::outcome::{Outcome, OutcomeCounts};
 pub use matching::{Matcher, Matches, match_phases, match_phases_with_grounds};
 pub use search::{Candidates, find_candidates};
 pub use segment::{Segment, SegmentRow};
+pub use segment_fields::SegmentTableError;
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
-pub use segment_table::{EpipolarAxis, RayRow, SegmentTable, SegmentTableError};
+pub use segment_table::{EpipolarAxis, RayRow, SegmentTable};
 pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};
 pub use settings::{MatchSettings, ResolutionMethod, ResolutionSettings};
 pub use unique::{UniqueCandidates, find_unique_candidates};

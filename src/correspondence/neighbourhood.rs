@@ -2,7 +2,7 @@
 
 /// One turn of phase.
 pub(super) const TURN: i32 = 65536;
-/// Stands for no absolute phase: no other lies near it.
+/// Stands for no absolute phase. No absolute phase lies near it.
 pub(super) const ABSENT: i32 = i32::MIN;
 /// Largest phase step between neighbours on one surface. A surface seen at a grazing angle comes close to it.
 pub(super) const MAX_STEP: i32 = 24576;

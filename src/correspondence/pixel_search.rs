@@ -6,14 +6,23 @@ use std::ops::ControlFlow;
 use super::drift::{DepthPolynomial, DepthRow};
 use super::epipolar_image::EpipolarImage;
 use super::row_view::RowView;
+use super::scene::Scene;
 use super::segment::{Segment, SegmentRow};
-use super::semi_global::{Reach, Scene};
 
 /// Columns by which an interval is widened to cover rounding.
 pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
 /// Rise of Φ over all columns below which they are searched as one interval, turns: a projector near C1 lights a ray
 /// with one phase.
 pub(super) const FLAT_TURNS: f32 = 2e-3;
+
+/// How far candidates are sought.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Reach {
+    /// Reach beyond the volume, pixels of the epipolar frame.
+    pub(super) beyond_px: f32,
+    /// Last column of the epipolar frame, pixels.
+    pub(super) last_column_px: f32,
+}
 
 /// A pixel of C1 and the columns of C2 in which its candidates are sought.
 pub(super) struct PixelSearch<'a> {
@@ -24,6 +33,14 @@ pub(super) struct PixelSearch<'a> {
     /// Least and greatest Φ within these limits, turns.
     phase_range_turns: [f32; 2],
     pub(super) phase: u16,
+}
+
+impl Reach {
+    /// First and last column at which candidates of a segment are sought, pixels.
+    #[inline(always)]
+    pub(super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
+        [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
+    }
 }
 
 impl<'a> PixelSearch<'a> {

@@ -8,16 +8,16 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct Pool<T>(Mutex<Vec<T>>);
 
 /// A scratch buffer on loan; dropping it gives it back.
-pub(super) struct Taken<'a, T: Default> {
+pub(super) struct Loan<'a, T: Default> {
     pool: &'a Pool<T>,
     scratch: T,
 }
 
 impl<T: Default> Pool<T> {
     /// A scratch buffer that was given back, or a new one.
-    pub(super) fn take(&self) -> Taken<'_, T> {
+    pub(super) fn take(&self) -> Loan<'_, T> {
         let scratch = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-        Taken { pool: self, scratch }
+        Loan { pool: self, scratch }
     }
 
     /// All free scratch buffers.
@@ -33,7 +33,7 @@ impl<T> Clone for Pool<T> {
     }
 }
 
-impl<T: Default> Deref for Taken<'_, T> {
+impl<T: Default> Deref for Loan<'_, T> {
     type Target = T;
 
     fn deref(&self) -> &T {
@@ -41,13 +41,13 @@ impl<T: Default> Deref for Taken<'_, T> {
     }
 }
 
-impl<T: Default> DerefMut for Taken<'_, T> {
+impl<T: Default> DerefMut for Loan<'_, T> {
     fn deref_mut(&mut self) -> &mut T {
         &mut self.scratch
     }
 }
 
-impl<T: Default> Drop for Taken<'_, T> {
+impl<T: Default> Drop for Loan<'_, T> {
     fn drop(&mut self) {
         let scratch = std::mem::take(&mut self.scratch);
         self.pool.0.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
@@ -59,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rooms_are_given_back() {
+    fn scratch_buffers_are_given_back() {
         let pool = Pool::<Vec<u8>>::default();
         let (mut one, other) = (pool.take(), pool.take());
         one.reserve(1000);

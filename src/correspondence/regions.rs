@@ -1,4 +1,4 @@
-//! Regions: selected candidates whose absolute phases run on from pixel to pixel, along and across rows.
+//! Regions: selected candidates whose absolute phases continue from pixel to pixel, along and across rows.
 //!
 //! In: absolute phases and z of all pixels. Out: the [runs](super::runs) of each row, with the number of their region,
 //! and the size of each region.
@@ -20,7 +20,7 @@ pub(super) struct Regions {
 }
 
 impl Regions {
-    /// Divides an image of `width` columns. Neighbours belong together if their absolute phases run on and their z
+    /// Divides an image of `width` columns. Neighbours belong together if their absolute phases continue and their z
     /// differ by no more than `max_z_step`; a pixel with the absolute phase [`ABSENT`] belongs to none.
     pub(super) fn find(&mut self, width: usize, absolute: &[i32], z: &[f32], max_z_step: f32) {
         let height = absolute.len() / width;
@@ -72,7 +72,7 @@ struct Row<'a> {
 
 /// Whether neighbours belong together.
 #[inline(always)]
-fn runs_on(absolute: [i32; 2], z: [f32; 2], max_z_step: f32) -> bool {
+fn continues(absolute: [i32; 2], z: [f32; 2], max_z_step: f32) -> bool {
     let step = absolute[1].wrapping_sub(absolute[0]).wrapping_abs();
     (absolute[0] != ABSENT) & (absolute[1] != ABSENT) & (step <= MAX_STEP) & ((z[1] - z[0]).abs() <= max_z_step)
 }
@@ -97,7 +97,7 @@ impl Kernel for Borders<'_> {
         let marks = &mut marks[1..][..last];
         for i in 0..last {
             let any = (before[i] != ABSENT) | (here[i] != ABSENT);
-            marks[i] = u8::from(any & !runs_on([before[i], here[i]], [z_before[i], z_here[i]], max_z_step));
+            marks[i] = u8::from(any & !continues([before[i], here[i]], [z_before[i], z_here[i]], max_z_step));
         }
     }
 }
@@ -119,7 +119,7 @@ impl Kernel for Touches<'_> {
         let (above, z_above) = (&above.absolute[..width], &above.z[..width]);
         let (below, z_below) = (&below.absolute[..width], &below.z[..width]);
         for i in 0..width {
-            marks[i] = u8::from(runs_on([above[i], below[i]], [z_above[i], z_below[i]], max_z_step));
+            marks[i] = u8::from(continues([above[i], below[i]], [z_above[i], z_below[i]], max_z_step));
         }
     }
 }
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn regions_are_those_of_a_flood() {
         let mut random = random(3);
-        // The same scratch memory for all: what it held before makes no difference.
+        // The same scratch memory for all: its old content must not matter.
         let mut regions = Regions::default();
         for (width, height) in [(1, 1), (37, 71), (64, 9), (8, 40)] {
             let pixels = width * height;

@@ -5,12 +5,8 @@ use std::ops::{ControlFlow, RangeInclusive};
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
-use super::kernels::mix_rows;
+use super::kernels::{MAX_COLUMN_STEP, interpolate_rows};
 
-/// Largest phase difference between neighbouring columns at which a crossing counts, turns · 65536. Fringes on a
-/// grazing surface are short, and at a silhouette two surfaces mix in one pixel. Near half a turn the sense of the step
-/// is lost.
-pub(super) const MAX_COLUMN_STEP: i32 = 30000;
 /// Slopes at which a surface is continued beyond its rim, turns · 65536 per pixel. Flatter ones could end anywhere.
 pub(super) const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
 /// Change of slope up to which a neighbour continues a surface, so that there is no rim.
@@ -219,7 +215,7 @@ struct ColumnBits {
     has_phase: u32,
     /// The phase of the row exceeds that of the pixel.
     is_behind: u32,
-    /// The difference is at most half of what a crossing may step.
+    /// The difference is at most half the largest step of a crossing.
     is_near: u32,
 }
 
@@ -238,7 +234,7 @@ impl MayCross<'_, '_> {
     fn differences<L: Lanes>(&self, lanes: L, first: usize) -> (L::Words, u32) {
         let upper = lanes.load(&columns(self.row.upper, first));
         let lower = lanes.load(&columns(self.row.lower, first));
-        let (phase, known) = mix_rows(lanes, upper, lower, lanes.word(self.row.below as i16));
+        let (phase, known) = interpolate_rows(lanes, upper, lower, lanes.word(self.row.below as i16));
         (lanes.sub(phase, lanes.word(self.phase as i16)), lanes.bits(known))
     }
 }
@@ -259,7 +255,7 @@ fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
     Some(column as f32 + before as f32 / (before - after) as f32)
 }
 
-/// Where a surface would have the wanted phase beyond its last column, which is `here` turns · 65536 away from it:
+/// Where a surface would have the wanted phase beyond its last column, whose phase differs by `here` (turns · 65536):
 /// offset in the direction `sense` (−1 or 1), and slope. `outer` and `inner` are its neighbours; if `outer` continues
 /// the surface, there is no rim.
 #[inline]
@@ -306,6 +302,7 @@ mod tests {
         assert_eq!(rims(6554 * 3 + 100), []);
         assert_eq!(rims(42601), []);
     }
+
     #[test]
     fn many_columns_at_once_are_each_by_itself() {
         let mut random = random(5);

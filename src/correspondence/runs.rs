@@ -42,7 +42,7 @@ pub(super) struct Union {
 pub(super) struct Runs<S> {
     /// Row by row, from left to right.
     pub(super) all: Vec<Run>,
-    /// Where the runs of each row begin, and where those of the last one end.
+    /// Index of the first run of each row, and the number of runs.
     row_begins: Vec<usize>,
     bands: Vec<Band<S>>,
     sets: DisjointSets,
@@ -66,8 +66,8 @@ impl Run {
 }
 
 impl<S: Default + Clone + Send> Runs<S> {
-    /// Divides each row of an image into runs. `divide` adds those of a row; it is given the part of `out` for the band
-    /// of rows.
+    /// Divides each row of an image into runs. `divide` adds the runs of a row; its third parameter is the item of
+    /// `out` for the band of rows.
     pub(super) fn divide<B: Send>(
         &mut self,
         height: usize,
@@ -94,8 +94,8 @@ impl<S: Default + Clone + Send> Runs<S> {
         }
     }
 
-    /// Unites the runs of an image of `width` columns. `unite` adds the pairs that belong together, of the runs of a
-    /// row and those of the row above that it overlaps. Returns the number of sets.
+    /// Unites the runs of an image of `width` columns. `unite` receives the overlaps of a row with the row above, and
+    /// adds the pairs of runs that belong together. Returns the number of sets.
     pub(super) fn unite(
         &mut self,
         width: usize,
@@ -161,7 +161,7 @@ impl Iterator for Overlaps<'_> {
 }
 
 /// Adds the runs of a row whose first pixel is number `first`. `marks` is 1 where a run may begin or the one before
-/// ends, else 0; what begins at a pixel that `is_inside` refuses is no run.
+/// ends, else 0. Pixels between two marks are a run only if `is_inside` accepts the first of them.
 pub(super) fn divide_at_marks(first: usize, marks: &[u8], is_inside: impl Fn(usize) -> bool, runs: &mut Vec<Run>) {
     let mut begin = 0;
     let mut end_at = |end: usize| {

@@ -13,7 +13,7 @@ use super::segment_table::SegmentTable;
 /// Candidates of all pixels of C1, row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Candidates {
-    /// Where the candidates of each pixel begin, and where those of the last one end.
+    /// Index of the first candidate of each pixel, and the number of candidates.
     begins: Vec<usize>,
     all: Vec<Candidate>,
 }

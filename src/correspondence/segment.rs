@@ -1,7 +1,7 @@
 //! An epipolar segment, and a row of them.
 
 use super::patches::{PATCH_PX, POWERS};
-use super::segment_table::FIELDS;
+use super::segment_fields::FIELDS;
 
 /// The epipolar segment of one pixel of C1, in the epipolar frame of C2.
 #[derive(Clone, Copy, Debug, PartialEq)]

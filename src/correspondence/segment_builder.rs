@@ -6,13 +6,13 @@ use rayon::prelude::*;
 use crate::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig, Vector3};
 
 use super::patches::{Nodes, Patches};
-use super::segment_table::{FIELDS, NO_LIMITS, RAY_X, RAY_Y, ROW, SegmentTableError, padded, units_per_px};
+use super::segment_fields::{FIELDS, NO_LIMITS, RAY_X, RAY_Y, ROW, SegmentTableError, padded, units_per_px};
 
 /// Share of a segment by which either end is extended: the position of the volume is known no better than the
 /// calibration.
 const VOLUME_MARGIN: f64 = 0.02;
 /// Rise of Φ over the volume, turns, at which half of the bend by distortion is neglected. Where a ray runs along a
-/// fringe, Φ hardly rises and says nothing about its denominator.
+/// fringe, Φ hardly rises and does not determine its denominator.
 const LEAST_RISE_TURNS: f64 = 0.05;
 /// Nearest depth of a volume that reaches the camera, as share of its farthest one.
 const MIN_DEPTH_SHARE: f64 = 0.05;
@@ -106,12 +106,12 @@ impl Builder<'_> {
             let end = (a.max(b) + margin).min(last_px);
             (begin < end).then(|| [(begin * units).floor() as u16, (end * units).ceil() as u16])
         };
-        let scratch = padded(width);
-        let mut limits = vec![0; 2 * scratch * height];
-        limits.par_chunks_mut(2 * scratch).enumerate().for_each(|(v, row)| {
+        let stride = padded(width);
+        let mut limits = vec![0; 2 * stride * height];
+        limits.par_chunks_mut(2 * stride).enumerate().for_each(|(v, row)| {
             let fields = fields.row(v);
-            let (begin, end) = row.split_at_mut(scratch);
-            for u in 0..scratch {
+            let (begin, end) = row.split_at_mut(stride);
+            for u in 0..stride {
                 let [x, y, row_px] = [RAY_X, RAY_Y, ROW].map(|field| fields.at(field, u));
                 [begin[u], end[u]] = if u < width { ends(x, y, row_px).unwrap_or(NO_LIMITS) } else { NO_LIMITS };
             }
@@ -135,8 +135,8 @@ impl Builder<'_> {
         normal.cholesky().map_or([0.0; 3], |normal| normal.solve(&right).cast::<f32>().into())
     }
 
-    /// Tells why no pixel has a segment.
-    pub(super) fn why_none(&self) -> SegmentTableError {
+    /// Returns the reason why no pixel has a segment.
+    pub(super) fn why_empty(&self) -> SegmentTableError {
         let [width, height] = self.size_px();
         let ray = |i: usize| self.rig.cam1.ray(&Pixel::new((i % width) as f64, (i / width) as f64));
         let hits: Vec<(Vector3, f64)> = (0..width * height)

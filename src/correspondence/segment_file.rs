@@ -15,7 +15,8 @@ use crate::geometry::{FringePattern, MeasurementVolume, Rig};
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
 use super::patches::Patches;
-use super::segment_table::{FIELDS, SegmentTable, SegmentTableError, padded, units_per_px};
+use super::segment_fields::{FIELDS, SegmentTableError, padded, units_per_px};
+use super::segment_table::SegmentTable;
 use super::source_map::SourceMap;
 
 const MAGIC: [u8; 8] = *b"FFSEGTAB";

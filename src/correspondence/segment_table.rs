@@ -8,47 +8,21 @@
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::geometry::{EpipolarError, EpipolarFrame, FringePattern, MeasurementVolume, Rig};
+use crate::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Rig};
 
 use super::drift::DriftModes;
 use super::fingerprint::Fingerprint;
 use super::patches::{Columns, FieldRow, PATCH_PX, POWERS, Patches};
 use super::segment::{Segment, SegmentRow};
 use super::segment_builder::Builder;
+use super::segment_fields::{
+    AT_REFERENCE, DENOMINATOR, FIELDS, NO_LIMITS, RAY_X, RAY_Y, REFERENCE, RISE, ROW, SegmentTableError, padded,
+    units_per_px,
+};
 use super::source_map::SourceMap;
 
 /// Distance of the sampled pixels, along both axes.
 const AXIS_STRIDE: usize = 16;
-
-/// Fields that are smooth over the image of C1: the ray, x and y at z = 1,
-pub(super) const RAY_X: usize = 0;
-pub(super) const RAY_Y: usize = 1;
-/// the row of the epipolar frame, pixels,
-pub(super) const ROW: usize = 2;
-/// the column in the middle of the volume, pixels,
-pub(super) const REFERENCE: usize = 3;
-/// and Φ along the segment, `a + r·s / (1 + d·s)` with s the column from there: a, turns,
-const AT_REFERENCE: usize = 4;
-/// r, turns a pixel: apart from a its rounding does not grow with the number of fringes,
-const RISE: usize = 5;
-/// and d, 1/pixel.
-const DENOMINATOR: usize = 6;
-/// Number of fields.
-pub(super) const FIELDS: usize = 7;
-
-/// First and last column of pixels whose ray misses the volume or whose segment lies outside the image of C2.
-pub(super) const NO_LIMITS: [u16; 2] = [1, 0];
-
-/// Pixels of a row in memory.
-pub(super) fn padded(width: usize) -> usize {
-    width.next_multiple_of(PATCH_PX)
-}
-
-/// Steps per pixel in which limits are stored: the finest power of two for which the last column of an epipolar frame
-/// fits 16 bits.
-pub(super) fn units_per_px(epipolar_width: usize) -> u32 {
-    1 << (u32::from(u16::MAX) / (epipolar_width as u32 - 1).max(1)).max(1).ilog2()
-}
 
 /// The axis of C1's image along which the epipolar lines run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,28 +53,6 @@ pub struct SegmentTable {
     /// Row by row the first columns of all segments, then the last ones, in steps of [`units_per_px`].
     pub(super) limits: Vec<u16>,
     pub(super) sources: SourceMap,
-}
-
-/// Why no segment table can be built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SegmentTableError {
-    /// The rig has no epipolar frame.
-    #[error(transparent)]
-    Epipolar(#[from] EpipolarError),
-    /// No pixel of C1 has a segment.
-    #[error(
-        "the measurement volume is never seen: {hit} of {pixels} pixels of camera 1 look into it, and camera 2 sees \
-         none of these; check the volume's pose and the unit"
-    )]
-    NeverSeen {
-        /// Pixels of C1 whose ray meets the volume.
-        hit: usize,
-        /// Pixels of C1.
-        pixels: usize,
-    },
-    /// The projector never lights the volume.
-    #[error("the projector does not look at the measurement volume; check Rp, Tp and the volume's pose")]
-    NeverLit,
 }
 
 impl SegmentTable {
@@ -141,7 +93,7 @@ impl SegmentTable {
         let limits = builder.limits(&fields);
         // Every segment ends behind its beginning.
         if limits.iter().all(|limit| NO_LIMITS.contains(limit)) {
-            return Err(builder.why_none());
+            return Err(builder.why_empty());
         }
         let mut table = Self {
             fingerprint: Fingerprint::new(rig, volume, pattern),
@@ -155,7 +107,7 @@ impl SegmentTable {
             limits,
             sources: SourceMap::new(&frame, &rig.cam2),
         };
-        table.modes = DriftModes::new(rig, volume, pattern, &frame, &table);
+        table.modes = DriftModes::new(rig, volume, pattern, &frame, |pixel| table.limits_px(pixel));
         Ok(table)
     }
 

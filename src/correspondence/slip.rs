@@ -22,17 +22,17 @@ use super::view::View;
 /// Standard deviation of the weight of a candidate near δ = 0, rad: twice that of calibrated rigs.
 const AGREEMENT_SD_RAD: f64 = 0.08;
 /// Agreement, in candidates per pixel, from which on no slip is sought: true candidates alone give about 0.9.
-const PLENTY: f64 = 0.75;
+const ENOUGH_AGREEMENT: f64 = 0.75;
 /// Least agreement of a slip. A scene beyond the volume agrees with some slip by accident, but at no more than 0.4 of
 /// its pixels (clutter before a board, measured), since its δ changes with depth.
-const LEAST: f64 = 0.6;
+const MIN_AGREEMENT: f64 = 0.6;
 /// Ratio by which a slip must agree better than the declared steps.
-const BETTER: f64 = 2.0;
+const MIN_RATIO_TO_NOMINAL: f64 = 2.0;
 /// Ratio by which it must agree better than every other slip.
-const BEST: f64 = 1.15;
+const MIN_RATIO_TO_OTHERS: f64 = 1.15;
 /// Ratio by which surfaces must fit better with a slip. With a slip it is 2.5 and more (bodies alone and before
 /// boards); it was 0.95 where a board 5 mm beyond the volume agreed with one.
-const EXPLAINED: f64 = 1.25;
+const MIN_EXPLAINED_RATIO: f64 = 1.25;
 
 /// Phases without the slip.
 pub(super) struct Corrected {
@@ -42,29 +42,33 @@ pub(super) struct Corrected {
     pub(super) cam2: EpipolarImage,
 }
 
-/// Finds and removes a slip in a sequence of `steps` steps. `None` if no slip agrees clearly better than the declared
-/// steps.
+/// Finds and removes a slip in a sequence of `steps` steps. `nominal_histogram` is that of δ by the declared steps.
+/// `None` if no slip agrees clearly better than the declared steps.
 pub(super) fn correct_slip(
     view: View<'_>,
-    as_said: &DeltaHistogram,
+    nominal_histogram: &DeltaHistogram,
     steps: usize,
     (scratch, drift): (&mut surfaces::Scratch, &mut DriftScratch),
 ) -> Option<Corrected> {
-    let slip_steps = find_slip(view, as_said, steps)?;
+    let slip_steps = find_slip(view, nominal_histogram, steps)?;
     let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
     let (mut cam1, mut cam2) = (view.cam1.clone(), view.cam2.clone());
     cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
     cam2.subtract_phase(of_cam2);
     // The histogram sees the volume alone. Surfaces are sought in all of space.
-    let as_said_nats = surfaces::clear_nats(view, scratch, drift);
+    let nominal_nats = surfaces::clear_nats(view, scratch, drift);
     let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, scratch, drift);
-    (corrected_nats > EXPLAINED * as_said_nats).then_some(Corrected { slip_steps, cam1, cam2 })
+    (corrected_nats > MIN_EXPLAINED_RATIO * nominal_nats).then_some(Corrected { slip_steps, cam1, cam2 })
 }
 
 /// The slip that agrees clearly better in the volume than the declared steps, and than every other slip.
-fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, steps: usize) -> Option<[usize; 2]> {
-    let nominal = as_said.agreement(0.0, AGREEMENT_SD_RAD);
-    if nominal >= PLENTY {
+fn find_slip(
+    View { cam1, cam2, table }: View<'_>,
+    nominal_histogram: &DeltaHistogram,
+    steps: usize,
+) -> Option<[usize; 2]> {
+    let nominal = nominal_histogram.agreement(0.0, AGREEMENT_SD_RAD);
+    if nominal >= ENOUGH_AGREEMENT {
         return None;
     }
     let mut agreements: Vec<(f64, [usize; 2])> = Vec::with_capacity(steps * steps);
@@ -78,7 +82,8 @@ fn find_slip(View { cam1, cam2, table }: View<'_>, as_said: &DeltaHistogram, ste
     }
     agreements.sort_by(|a, b| b.0.total_cmp(&a.0));
     let [(best, slip), (second, _), ..] = agreements[..] else { return None };
-    let is_clear = best >= LEAST && best >= BETTER * nominal && best >= BEST * second;
+    let is_better = best >= MIN_RATIO_TO_NOMINAL * nominal && best >= MIN_RATIO_TO_OTHERS * second;
+    let is_clear = best >= MIN_AGREEMENT && is_better;
     (is_clear && slip != [0; 2]).then_some(slip)
 }
 

@@ -7,7 +7,7 @@
 //! In: phase of C1, absolute phase and δ of the decided pixels. Out: the supported pixels. For every pixel p:
 //!
 //! ```text
-//! for each of four sides: walk from p up to three steps, as long as the phase runs on without a jump
+//! for each of four sides: walk from p up to three steps, as long as the phase continues without a jump
 //!     for each decided k that is met: total += 1; if u_k − s = u_p: votes += 1, sum += δ_k
 //! supported(p) = |sum / votes − δ_p| <= tolerance  and  votes >= min_votes  and  votes >= total − votes
 //! ```
@@ -60,7 +60,8 @@ impl Support {
     }
 }
 
-/// The image with a margin of [`NEAR`] pixels without phase on all sides, in rows of whole blocks.
+/// Phases, orders and δ of the image, with a margin of [`NEAR`] pixels without phase on all sides, in rows of whole
+/// blocks.
 #[derive(Clone, Debug, Default)]
 struct Padded {
     size_px: [usize; 2],
@@ -165,15 +166,15 @@ impl<L: Lanes> Votes<L> {
         let (zero, one) = (lanes.word(0), lanes.word(1));
         let order = lanes.load(words(&image.order, here));
         let phase = lanes.load(words(&image.phase, here));
-        let (mut goes_on, mut before, mut last_step, mut turns) = (is_valid(lanes, image, here), phase, zero, zero);
+        let (mut is_walking, mut before, mut last_step, mut turns) = (is_valid(lanes, image, here), phase, zero, zero);
         for step in 1..=NEAR {
             let next = lanes.load(words(&image.phase, place(step)));
             let rise = lanes.sub(next, before);
-            let runs_on = lanes.is_at_least(lanes.word(MAX_STEP as i16), lanes.abs(rise));
-            goes_on = lanes.and(goes_on, lanes.and(is_valid(lanes, image, place(step)), runs_on));
+            let continues = lanes.is_at_least(lanes.word(MAX_STEP as i16), lanes.abs(rise));
+            is_walking = lanes.and(is_walking, lanes.and(is_valid(lanes, image, place(step)), continues));
             if step > 1 {
                 let bend = lanes.abs(lanes.sub(rise, last_step));
-                goes_on = lanes.and(goes_on, lanes.is_at_least(lanes.word(MAX_STEP_CHANGE as i16), bend));
+                is_walking = lanes.and(is_walking, lanes.is_at_least(lanes.word(MAX_STEP_CHANGE as i16), bend));
             }
             let wraps_up = lanes.and_not(lanes.is_greater(rise, zero), lanes.is_at_least(next, before));
             let wraps_down = lanes.and_not(lanes.is_greater(zero, rise), lanes.is_at_least(before, next));
@@ -184,10 +185,10 @@ impl<L: Lanes> Votes<L> {
                 let up = lanes.and(lanes.is_greater(turns, zero), lanes.is_at_least(next, phase));
                 let down = lanes.and(lanes.is_greater(zero, turns), lanes.is_at_least(phase, next));
                 let twice = lanes.is_greater(lanes.abs(turns), one);
-                goes_on = lanes.and_not(goes_on, lanes.or(twice, lanes.or(up, down)));
+                is_walking = lanes.and_not(is_walking, lanes.or(twice, lanes.or(up, down)));
             }
             let neighbour_order = lanes.load(words(&image.order, place(step)));
-            let is_decided = lanes.and_not(goes_on, lanes.is_equal(neighbour_order, lanes.word(UNDECIDED)));
+            let is_decided = lanes.and_not(is_walking, lanes.is_equal(neighbour_order, lanes.word(UNDECIDED)));
             let agrees = lanes.and(is_decided, lanes.is_equal(lanes.sub(neighbour_order, turns), order));
             let delta = lanes.load(words(&image.delta, place(step)));
             self.total = lanes.add(self.total, lanes.select(is_decided, one, zero));

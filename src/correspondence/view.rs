@@ -1,4 +1,4 @@
-//! What matching reads.
+//! The inputs of matching.
 
 use crate::phase::PhaseMap;
 

@@ -204,6 +204,13 @@ pub(super) struct HarmonicSums {
 
 impl HarmonicSums {
     /// Adds a pixel whose samples have the phase shifts `shifts_rad`.
+    ///
+    /// ```text
+    /// ignore the pixel if it moves too far
+    /// fit offset and fundamental; then again with the effect of an error of the motion as a fourth unknown
+    /// for each sample: values of the harmonics at its angle, and the residual of that fit
+    /// normal equations of the harmonics, orthogonal to the four unknowns; none at an edge
+    /// ```
     fn add(&mut self, samples: &Samples, shifts_rad: &[f64]) {
         let moved_rad = |(sample, shift): (&[f64; 3], &f64)| (sample[1] - shift).abs();
         if samples.iter().zip(shifts_rad).any(|pair| moved_rad(pair) > MAX_MOVED_RAD) {

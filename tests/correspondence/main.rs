@@ -1,4 +1,4 @@
-//! Correspondences: the search for candidates, and the whole chain on a simulated scene.
+//! Tests of correspondences: the segment table, the search for candidates, and the whole chain on simulated scenes.
 
 #![expect(clippy::unwrap_used, reason = "a rig that cannot be built fails the test")]
 

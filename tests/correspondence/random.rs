@@ -5,10 +5,11 @@ use std::f64::consts::TAU;
 use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
 use fringeflow::phase::{Modulation, PhaseMap};
 
-/// Repeatable numbers in [0, 1).
+/// Generator of repeatable random numbers.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
+    /// The next number, in [0, 1).
     pub(crate) fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 40) as f64 / f64::from(1 << 24)
@@ -30,12 +31,12 @@ impl Random {
         )
     }
 
-    /// A rig with toed-in cameras, side by side or one above the other, the projector within the base or beyond.
+    /// A rig with toed-in cameras, side by side or one above the other. The projector is inside or outside the base.
     pub(crate) fn rig(&mut self) -> (Rig, MeasurementVolume, FringePattern) {
         let distorted = self.next() < 0.5;
         let vertical = self.next() < 0.3;
         let base = if vertical { Vector3::y() } else { Vector3::x() } * self.between(0.06, 0.14);
-        // Now and then exactly at C1, where the back-projection phase does not change along a segment.
+        // Sometimes exactly at C1: then the back-projection phase does not change along a segment.
         let place = if self.next() < 0.1 { 0.0 } else { self.between(-0.6, 1.6) };
         let target = Point3::new(0.5 * base.x, 0.5 * base.y, 0.3);
         let off_base =
@@ -59,7 +60,7 @@ impl Random {
         (rig, volume, pattern)
     }
 
-    /// A phase map: a smooth slope with jumps and holes, or noise.
+    /// A phase map: a slope with a jump and holes, or noise.
     pub(crate) fn map(&mut self, width: usize, height: usize) -> PhaseMap {
         let (du, dv, noisy) = (self.between(-9000.0, 9000.0), self.between(-3000.0, 3000.0), self.next() < 0.3);
         let jump = self.between(0.0, width as f64) as usize;
@@ -80,7 +81,7 @@ impl Random {
     }
 }
 
-/// Pose `device_from_cam1` of a device at `centre` whose axis meets `target`.
+/// Pose `device_from_cam1` of a device at `centre` whose optical axis passes through `target`.
 fn looking_at(centre: &Point3, target: &Point3) -> Pose {
     let z = (target - centre).normalize();
     let x = Vector3::y().cross(&z).normalize();

@@ -1,4 +1,4 @@
-//! The search for candidates against its oracles over random rigs.
+//! The search for candidates against reference implementations, over random rigs.
 
 use fringeflow::correspondence::{DeltaGate, EpipolarImage, SegmentTable, find_candidates, find_unique_candidates};
 use fringeflow::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Rig};
@@ -8,9 +8,9 @@ use fringeflow_simd::Level;
 use crate::random::Random;
 
 #[test]
-fn the_pixels_with_one_candidate_alone_are_those_of_the_scan() {
+fn unique_candidates_are_the_single_ones_of_the_full_search() {
     let mut random = Random(7);
-    let mut alone = 0;
+    let mut unique_count = 0;
     for case in 0..60 {
         let (rig, volume, pattern) = random.rig();
         let table = SegmentTable::build(&rig, &volume, &pattern).unwrap();
@@ -24,17 +24,17 @@ fn the_pixels_with_one_candidate_alone_are_those_of_the_scan() {
                 let unique = find_unique_candidates(&cam1, &image, &table, &gate);
                 for (pixel, (&absolute, &delta)) in unique.absolute.iter().zip(&unique.delta).enumerate() {
                     let found = (absolute != i32::MIN).then_some((absolute, delta));
-                    let scanned = match all.for_pixel(pixel) {
+                    let expected = match all.for_pixel(pixel) {
                         [c] => Some((i32::from(c.order) * 65536 + i32::from(cam1.phase[pixel]), c.delta)),
                         _ => None,
                     };
-                    assert_eq!(found, scanned, "case {case}, threshold {threshold_turns}, {}, {pixel}", level.name());
-                    alone += usize::from(found.is_some());
+                    assert_eq!(found, expected, "case {case}, threshold {threshold_turns}, {}, {pixel}", level.name());
+                    unique_count += usize::from(found.is_some());
                 }
             }
         }
     }
-    assert!(alone > 100_000, "the rigs hardly had candidates: {alone}");
+    assert!(unique_count > 100_000, "only {unique_count} unique candidates were compared");
 }
 
 #[test]
@@ -58,8 +58,8 @@ fn every_point_of_the_volume_lies_on_its_segment() {
             let on_line = frame.cam2_pixel(&Pixel::new(column, f64::from(segment.row_px))).unwrap();
             assert!((on_line - raw).norm() < 1e-3, "{on_line} {raw}");
             assert!(column >= f64::from(segment.begin_px) - 1e-3 && column <= f64::from(segment.end_px) + 1e-3);
-            let wanted = pattern.phase_turns(rig.project_projector(&point).unwrap().x);
-            assert!((f64::from(segment.phase_turns(column as f32)) - wanted).abs() < 2e-3);
+            let expected = pattern.phase_turns(rig.project_projector(&point).unwrap().x);
+            assert!((f64::from(segment.phase_turns(column as f32)) - expected).abs() < 2e-3);
             seen += 1;
         }
     }
@@ -67,7 +67,7 @@ fn every_point_of_the_volume_lies_on_its_segment() {
 }
 
 #[test]
-fn of_two_points_in_one_place_of_camera_2_the_nearer_is_known() {
+fn of_two_points_at_one_place_of_camera_2_the_nearer_is_known() {
     let mut random = Random(13);
     let mut compared = 0;
     for _ in 0..40 {
@@ -95,7 +95,7 @@ fn of_two_points_in_one_place_of_camera_2_the_nearer_is_known() {
     assert!(compared > 1000, "only {compared} pairs were compared");
 }
 
-/// A plane of phase over the raw image of camera 2, turns.
+/// A phase that changes linearly over the raw image of camera 2, turns.
 #[derive(Clone, Copy)]
 struct PhasePlane {
     du: f64,
@@ -125,18 +125,19 @@ impl PhasePlane {
     }
 }
 
-/// A point of a ray of camera 1 at which camera 2 sees the wanted phase.
+/// A point on a ray of camera 1 at which camera 2 sees the phase of the pixel.
 struct Crossing {
     cam2_px: Pixel,
     /// Back-projection phase, turns.
     projected_turns: f64,
-    /// Well within the volume and the image of camera 2.
-    certain: bool,
+    /// Whether it is clearly inside the volume and the image of camera 2.
+    is_certain: bool,
 }
 
-/// Walks a ray of camera 1 from before the volume to behind it and looks into the raw image of camera 2: no epipolar frame,
-/// no table. `None` where the phase hardly changes on the way, so that rounding decides.
-fn crossings(
+/// Finds crossings by stepping along a ray of camera 1, from in front of the volume to behind it, and looking up the
+/// raw image of camera 2. Uses neither epipolar frame nor table. Returns `None` if the phase hardly changes along the
+/// ray, so that rounding would decide.
+fn find_crossings(
     rig: &Rig,
     volume: &MeasurementVolume,
     pattern: &FringePattern,
@@ -149,10 +150,10 @@ fn crossings(
     let (near_m, far_m) = volume.clip(&ray)?;
     let margin_m = 0.05 * (far_m - near_m);
     let depth = |k: u32| near_m - margin_m + (far_m - near_m + 2.0 * margin_m) * f64::from(k) / f64::from(STEPS);
-    let seen = |depth_m: f64| rig.project_cam2(&Point3::from(ray * depth_m));
-    let mut found = Vec::new();
+    let project = |depth_m: f64| rig.project_cam2(&Point3::from(ray * depth_m));
+    let mut crossings = Vec::new();
     for k in 0..STEPS {
-        let (before, after) = (seen(depth(k))?, seen(depth(k + 1))?);
+        let (before, after) = (project(depth(k))?, project(depth(k + 1))?);
         let rise = plane.at(&after) - plane.at(&before);
         if rise.abs() < 0.01 * (after - before).norm() {
             return None;
@@ -161,20 +162,20 @@ fn crossings(
         if a.floor() != b.floor() {
             let share = (a.max(b).floor() - a) / (b - a);
             let depth_m = depth(k) + share * (depth(k + 1) - depth(k));
-            let cam2_px = seen(depth_m)?;
+            let cam2_px = project(depth_m)?;
             let in_image = (1.0..98.0).contains(&cam2_px.x) && (1.0..82.0).contains(&cam2_px.y);
-            found.push(Crossing {
+            crossings.push(Crossing {
                 cam2_px,
                 projected_turns: pattern.phase_turns(rig.project_projector(&Point3::from(ray * depth_m))?.x),
-                certain: in_image && (near_m..far_m).contains(&depth_m),
+                is_certain: in_image && (near_m..far_m).contains(&depth_m),
             });
         }
     }
-    Some(found)
+    Some(crossings)
 }
 
 #[test]
-fn candidates_are_what_a_walk_through_the_raw_image_meets() {
+fn candidates_are_the_crossings_in_the_raw_image() {
     let mut random = Random(17);
     let (mut certain, mut candidates) = (0, 0);
     for case in 0..40 {
@@ -194,7 +195,7 @@ fn candidates_are_what_a_walk_through_the_raw_image_meets() {
             }
             let phase_turns = f64::from(cam1.phase[pixel]) / 65536.0;
             let place = Pixel::new(u as f64, v as f64);
-            let Some(met) = crossings(&rig, &volume, &pattern, plane, place, phase_turns) else { continue };
+            let Some(crossings) = find_crossings(&rig, &volume, &pattern, plane, place, phase_turns) else { continue };
             let found: Vec<(Pixel, f64)> = lists
                 .for_pixel(pixel)
                 .iter()
@@ -207,12 +208,12 @@ fn candidates_are_what_a_walk_through_the_raw_image_meets() {
             let same = |crossing: &Crossing, &(cam2_px, turns): &(Pixel, f64)| {
                 (crossing.cam2_px - cam2_px).norm() < 0.05 && (crossing.projected_turns - turns).abs() < 0.01
             };
-            for crossing in met.iter().filter(|crossing| crossing.certain) {
+            for crossing in crossings.iter().filter(|crossing| crossing.is_certain) {
                 assert!(found.iter().any(|f| same(crossing, f)), "case {case}, {place}: {} missed", crossing.cam2_px);
                 certain += 1;
             }
             for f in &found {
-                assert!(met.iter().any(|crossing| same(crossing, f)), "case {case}, {place}: {} invented", f.0);
+                assert!(crossings.iter().any(|crossing| same(crossing, f)), "case {case}, {place}: {} is false", f.0);
                 candidates += 1;
             }
         }

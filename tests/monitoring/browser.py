@@ -1,7 +1,7 @@
-"""A headless Chromium and one page in it, driven through the DevTools protocol.
+"""Drives one page in a headless Chromium through the DevTools protocol.
 
-The protocol goes over a pipe that Chromium inherits (--remote-debugging-pipe): no port is opened, no driver program or
-package is needed, and the browser ends when this process does.
+The protocol uses a pipe that Chromium inherits (--remote-debugging-pipe): no port is opened, no driver program or
+package is needed, and the browser ends with this process.
 """
 
 import base64
@@ -19,10 +19,10 @@ import subprocess
 import tempfile
 import time
 
-# How long anything may take, seconds; the machine may be very slow.
-PATIENCE_S = 60
-# Looked at so often while waiting, seconds.
-PAUSE_S = 0.1
+# Longest wait, seconds; the machine may be very slow.
+TIMEOUT_S = 60
+# Interval between checks while waiting, seconds.
+POLL_S = 0.1
 
 PROBE = (pathlib.Path(__file__).parent / "probe.js").read_text(encoding="utf-8")
 WORLD = "probe"
@@ -30,14 +30,14 @@ WORLD = "probe"
 SWITCHES = [
     "--headless",
     "--remote-debugging-pipe",
-    # It loads nothing but the page under test; containers let neither root nor users make its sandbox.
+    # Only the page under test is loaded, and in containers Chromium cannot create its sandbox.
     "--no-sandbox",
     "--disable-dev-shm-usage",
-    # WebGL without a graphics card; all else is drawn without it, which is ten times as fast then.
+    # WebGL in software, for machines without a graphics card. Compositing does not use it: that is ten times as fast.
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-compositing",
-    # Nothing but the page.
+    # Disable everything except the page.
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-default-apps",
@@ -49,7 +49,7 @@ SWITCHES = [
     "--force-color-profile=srgb",
 ]
 
-# Keys that are not a character: code, virtual key code, text.
+# Keys that need more than their character: code, virtual key code, text.
 KEYS = {
     "Tab": ("Tab", 9, None),
     "Enter": ("Enter", 13, "\r"),
@@ -63,12 +63,12 @@ KEYS = {
 
 
 class Failure(Exception):
-    """What is not as it should be."""
+    """A check that failed, with its reason."""
 
 
 def wait_for(what, condition):
-    """The first true value of the condition; it may fail with `Failure`, which then is why the time ran out."""
-    end = time.monotonic() + PATIENCE_S
+    """Waits until the condition is true, and returns its value. On a timeout, reports its last `Failure`."""
+    end = time.monotonic() + TIMEOUT_S
     while True:
         reason = ""
         try:
@@ -77,17 +77,20 @@ def wait_for(what, condition):
         except Failure as failure:
             reason = f": {failure}"
         if time.monotonic() > end:
-            raise Failure(f"{what}: not within {PATIENCE_S} s{reason}")
-        time.sleep(PAUSE_S)
+            raise Failure(f"{what}: not within {TIMEOUT_S} s{reason}")
+        time.sleep(POLL_S)
 
 
 def in_child(commands, answers):
-    """Gives Chromium the pipe at the numbers it looks for, and lets it not outlive this process."""
+    """Returns a function that prepares the child process.
+
+    Its pipe gets the expected file descriptors 3 and 4, and the child ends with this process.
+    """
 
     def prepare():
         pr_set_pdeathsig = 1
         ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
-        # Moved away first: one may have the number that the other is to get. All but 3 and 4 are closed when it starts.
+        # Duplicate to higher numbers first: one end may have the number of the other. On exec, only 3 and 4 stay open.
         reads, writes = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (commands, answers))
         os.dup2(reads, 3)
         os.dup2(writes, 4)
@@ -97,21 +100,21 @@ def in_child(commands, answers):
 
 @contextlib.contextmanager
 def chromium(program):
-    """A running Chromium with one empty page, as `Page`; gone at the end in every case."""
+    """Runs Chromium with one empty page, and yields a `Page`. Always ends Chromium."""
     if shutil.which(program) is None:
-        raise Failure(f"there is no {program}: install Debian's package chromium, or say --chromium PATH")
+        raise Failure(f"{program} is missing: install the Debian package chromium, or use --chromium PATH")
     with tempfile.TemporaryDirectory(prefix="fringeflow-chromium-", ignore_cleanup_errors=True) as name:
         folder = pathlib.Path(name)
         log = folder / "log.txt"
-        commands, to_it = os.pipe()
-        from_it, answers = os.pipe()
+        commands, command_end = os.pipe()
+        answer_end, answers = os.pipe()
         with open(log, "wb") as output:
             process = subprocess.Popen(
                 [program, *SWITCHES, f"--user-data-dir={folder / 'profile'}", "about:blank"],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                # Its caches and settings stay out of the user's home.
+                # Keep caches and settings out of the user's home.
                 env={**os.environ, "HOME": name, "XDG_CONFIG_HOME": name, "XDG_CACHE_HOME": name},
                 close_fds=False,
                 start_new_session=True,
@@ -120,29 +123,29 @@ def chromium(program):
         os.close(commands)
         os.close(answers)
         try:
-            yield Page(Pipe(to_it, from_it))
+            yield Page(Pipe(command_end, answer_end))
         except Gone as gone:
             last = "\n".join(log.read_text(errors="replace").splitlines()[-5:])
-            raise Failure(f"{gone}\nChromium said last:\n{last}") from gone
+            raise Failure(f"{gone}\nLast messages of Chromium:\n{last}") from gone
         finally:
-            # All its processes are of one group.
+            # All processes of Chromium are in one group.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-            os.close(to_it)
-            os.close(from_it)
+            os.close(command_end)
+            os.close(answer_end)
 
 
 class Gone(Failure):
-    """Chromium ended or says nothing more."""
+    """Chromium ended or does not answer."""
 
 
 class Pipe:
-    """Commands and answers, each ended by a zero byte."""
+    """Sends commands and receives messages, each terminated by a zero byte."""
 
-    def __init__(self, to_it, from_it):
-        self.to_it = to_it
-        self.from_it = from_it
+    def __init__(self, command_end, answer_end):
+        self.command_end = command_end
+        self.answer_end = answer_end
         self.rest = b""
         self.messages = collections.deque()
 
@@ -150,17 +153,17 @@ class Pipe:
         data = json.dumps(message).encode() + b"\0"
         try:
             while data:
-                data = data[os.write(self.to_it, data) :]
+                data = data[os.write(self.command_end, data) :]
         except BrokenPipeError as error:
             raise Gone("Chromium has ended") from error
 
     def receive(self, within_s):
-        """The next message, or None when none comes in time."""
+        """Returns the next message, or None on a timeout."""
         end = time.monotonic() + within_s
         while not self.messages:
-            if not select.select([self.from_it], [], [], max(0, end - time.monotonic()))[0]:
+            if not select.select([self.answer_end], [], [], max(0, end - time.monotonic()))[0]:
                 return None
-            data = os.read(self.from_it, 1 << 20)
+            data = os.read(self.answer_end, 1 << 20)
             if not data:
                 raise Gone("Chromium has ended")
             *whole, self.rest = (self.rest + data).split(b"\0")
@@ -169,17 +172,17 @@ class Pipe:
 
 
 class Page:
-    """The page in Chromium. Scripts run in a world of their own, with the functions of probe.js."""
+    """The page in Chromium. Test scripts run in an isolated world with the functions of probe.js."""
 
     def __init__(self, pipe):
         self.pipe = pipe
         self.last_id = 0
         self.session = None
-        # The one in which probe.js is.
+        # Execution context of probe.js.
         self.context = None
-        # What the console, the network and exceptions said that is an error: `(text, url)`.
+        # Errors of the console, the network and exceptions: `(text, url)`.
         self.errors = []
-        # Texts of the dialogs that were opened.
+        # Texts of dialogs that the page opened.
         self.dialogs = []
         (target,) = [t for t in self.call("Target.getTargets")["targetInfos"] if t["type"] == "page"]
         attached = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)
@@ -189,20 +192,20 @@ class Page:
         self.call("Page.addScriptToEvaluateOnNewDocument", source=PROBE, worldName=WORLD, runImmediately=True)
 
     def call(self, method, **parameters):
-        """The answer to a command; events that come before it are taken on the way."""
+        """Sends a command and returns its answer. Handles events that arrive before it."""
         self.last_id += 1
         message = {"id": self.last_id, "method": method, "params": parameters}
         self.pipe.send(message if self.session is None else {**message, "sessionId": self.session})
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while (answer := self.pipe.receive(end - time.monotonic())) is not None:
             if answer.get("id") == self.last_id:
                 if "error" in answer:
                     raise Failure(f"{method}: {answer['error']['message']}")
                 return answer["result"]
-            self.take(answer)
-        raise Gone(f"{method}: Chromium did not answer within {PATIENCE_S} s")
+            self.handle_event(answer)
+        raise Gone(f"{method}: Chromium did not answer within {TIMEOUT_S} s")
 
-    def take(self, event):
+    def handle_event(self, event):
         parameters = event.get("params", {})
         match event.get("method"):
             case "Runtime.executionContextCreated" if parameters["context"]["name"] == WORLD:
@@ -219,7 +222,7 @@ class Page:
                 self.errors.append((f"{entry['source']}: {entry['text']}", entry.get("url", "")))
             case "Page.javascriptDialogOpening":
                 self.dialogs.append(parameters["message"])
-                # Its answer is not waited for: this may be on the way to another answer.
+                # Do not wait for the answer: `call` may already be waiting for another one.
                 self.last_id += 1
                 answer = {"method": "Page.handleJavaScriptDialog", "params": {"accept": False}}
                 self.pipe.send({"id": -self.last_id, "sessionId": self.session, **answer})
@@ -230,12 +233,12 @@ class Page:
         self.context = None
         if error := self.call("Page.navigate", url=url).get("errorText"):
             raise Failure(f"{url}: {error}")
-        wait_for(f"{url} is there", lambda: self.run("document.readyState") == "complete")
+        wait_for(f"{url} is loaded", lambda: self.run("document.readyState") == "complete")
 
     def run(self, expression):
-        """The value of a JavaScript expression; promises are waited for."""
+        """Returns the value of a JavaScript expression. Waits for promises."""
         if self.context is None:
-            # Lets the event come that says which one it is.
+            # Let the event arrive that names the context.
             self.call("Runtime.evaluate", expression="0")
         if self.context is None:
             raise Failure("the page does not load")
@@ -249,7 +252,7 @@ class Page:
         )
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
-            # Without the places in probe.js.
+            # Leave out the stack trace in probe.js.
             raise Failure((details.get("exception", {}).get("description") or details["text"]).splitlines()[0])
         return answer["result"].get("value")
 
@@ -260,16 +263,16 @@ class Page:
     def text(self, selector):
         return self.ask("textOf", selector)
 
-    # Looks.
+    # Screenshots.
 
-    def look(self, selector, inset=0):
-        """What is to be seen at an element, as `Look`, without so many pixels at each edge; it is scrolled to before."""
-        place = self.ask("placeOf", selector, inset)
-        shot = self.call("Page.captureScreenshot", format="png", clip={**place, "scale": 1})
-        return Look(self, self.ask("keepLook", shot["data"]))
+    def capture(self, selector, inset=0):
+        """Scrolls to an element and returns its pixels as `Capture`, without `inset` pixels at each edge."""
+        box = self.ask("pageBox", selector, inset)
+        shot = self.call("Page.captureScreenshot", format="png", clip={**box, "scale": 1})
+        return Capture(self, self.ask("storeCapture", shot["data"]))
 
     def photograph(self, path, width, height):
-        """Writes a picture of the page; a height of None: of all of it."""
+        """Writes a screenshot of the page. A height of None captures the whole page."""
         self.resize(width, height or 900)
         if height is None:
             self.resize(width, self.run("Math.ceil(document.documentElement.scrollHeight)"))
@@ -286,7 +289,7 @@ class Page:
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": name}])
         self.ask("settled")
 
-    # Hands.
+    # Keyboard and mouse.
 
     def press(self, key, shift=False):
         code, number, text = KEYS.get(key) or (f"Key{key.upper()}", ord(key.upper()), key)
@@ -299,12 +302,12 @@ class Page:
         self.call("Input.insertText", text=text)
 
     def click(self, selector):
-        x, y = self.ask("middleOf", selector)
+        x, y = self.ask("clickPoint", selector)
         self.mouse("mousePressed", x, y)
         self.mouse("mouseReleased", x, y)
 
     def drag(self, selector, right, down):
-        x, y = self.ask("middleOf", selector)
+        x, y = self.ask("clickPoint", selector)
         self.mouse("mousePressed", x, y)
         for step in (0.25, 0.5, 0.75, 1):
             self.mouse("mouseMoved", x + step * right, y + step * down)
@@ -316,19 +319,22 @@ class Page:
         self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **held)
 
 
-class Look:
-    """Pixels of an element, kept in the page and told about in numbers.
+class Capture:
+    """Screenshot of an element. The page stores the pixels; this object holds their statistics.
 
-    width, height; colours: how many differ, told apart by 16 steps a channel; foreground: share of the pixels that are not
-    of the most frequent colour; vivid: number of pixels that are no grey; hues: how many of 24 have some part of the
-    vivid ones; lightness, scatter: mean and standard deviation of the lightness, 0..255.
+    width, height: size, pixels
+    colours: number of different colours, with 16 steps per channel
+    foreground: share of the pixels that have not the most frequent colour
+    vivid: number of pixels that are not grey
+    hues: how many of 24 hues occur among the vivid pixels
+    lightness, scatter: mean and standard deviation of the lightness, 0..255
     """
 
-    def __init__(self, page, facts):
+    def __init__(self, page, statistics):
         self.page = page
-        self.number = facts.pop("number")
-        self.__dict__.update(facts)
+        self.number = statistics.pop("number")
+        self.__dict__.update(statistics)
 
     def differs(self, other):
-        """Share of the pixels that are visibly others. Only the looks last made or compared with keep their pixels."""
+        """Returns the share of the pixels that differ visibly. The page stores only the captures used last."""
         return self.page.ask("difference", self.number, other.number)

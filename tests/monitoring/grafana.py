@@ -1,7 +1,7 @@
 """Checks a Grafana dashboard: grafana.py DASHBOARD METRICS
 
-DASHBOARD is a JSON file, METRICS a file with the text of /metrics. The schema is Grafana's own, as its package
-`grafana_foundation_sdk` holds it in types. Prints what is wrong; exit code 0: nothing.
+DASHBOARD is a JSON file, METRICS a file with the text of /metrics. The schema is that of Grafana, from the types of its
+package `grafana_foundation_sdk`. Prints problems to stderr; exit code 0 means none.
 """
 
 import enum
@@ -20,17 +20,17 @@ import promql
 
 COLUMNS = 24
 ANYTHING = (object, typing.Any)
-# Metrics that Prometheus makes itself.
-OF_PROMETHEUS = {"ALERTS": [{"alertstate": "firing"}]}
-# Labels that Prometheus adds to each series, or to its alerts.
+# Metrics that Prometheus itself creates.
+BUILT_IN_METRICS = {"ALERTS": [{"alertstate": "firing"}]}
+# Labels that Prometheus adds to series or alerts.
 ADDED_LABELS = {"instance", "job", "alertname", "alertstate"}
-# Units beside Grafana's list: a text behind the number.
+# Units that are not on Grafana's list: a text after the number.
 CUSTOM_UNIT = re.compile(r"suffix:.+")
 LISTED_UNITS = {value for value in vars(units).values() if isinstance(value, str)}
 
 
 def mistyped(value, wanted, path):
-    """Where a value is not of the type that the schema wants, as sentences."""
+    """Yields a sentence for each value that has not the type of the schema."""
     origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
     if wanted in ANYTHING or isinstance(wanted, type) and isinstance(value, wanted) and hasattr(value, "to_json"):
         yield from mistyped_fields(value, path) if hasattr(value, "to_json") else []
@@ -41,7 +41,7 @@ def mistyped(value, wanted, path):
             yield from min((list(mistyped(value, choice, path)) for choice in choices), key=len)
     elif origin is typing.Literal or isinstance(wanted, type) and issubclass(wanted, enum.Enum):
         allowed = arguments or [member.value for member in wanted]
-        # True is 1 in Python, not in JSON.
+        # True equals 1 in Python, but not in JSON.
         if not any(value == a and isinstance(value, bool) == isinstance(a, bool) for a in allowed):
             yield f"{path}: {value!r} is none of {', '.join(map(repr, allowed))}"
     elif origin is list and isinstance(value, list):
@@ -51,9 +51,9 @@ def mistyped(value, wanted, path):
         for key, item in value.items():
             yield from mistyped(item, arguments[1], f"{path}.{key}")
     elif isinstance(value, dict) and hasattr(wanted, "from_json"):
-        # The package leaves some as they are written.
+        # The package does not convert some values to its types.
         typed = wanted.from_json(value)
-        yield from lost(value, plain(typed), path)
+        yield from differences(value, plain(typed), path)
         yield from mistyped_fields(typed, path)
     elif isinstance(value, enum.Enum) and type(value.value) is wanted:
         return
@@ -61,26 +61,26 @@ def mistyped(value, wanted, path):
         yield f"{path}: {value!r} is no {getattr(wanted, '__name__', wanted)}"
 
 
-def mistyped_fields(thing, path):
-    for field, wanted in typing.get_type_hints(type(thing)).items():
-        yield from mistyped(getattr(thing, field), wanted, f"{path}.{field}")
+def mistyped_fields(typed, path):
+    for field, wanted in typing.get_type_hints(type(typed)).items():
+        yield from mistyped(getattr(typed, field), wanted, f"{path}.{field}")
 
 
-def plain(thing):
-    return json.loads(json.dumps(thing, cls=JSONEncoder))
+def plain(typed):
+    return json.loads(json.dumps(typed, cls=JSONEncoder))
 
 
-def lost(written, kept, path):
-    """What the schema does not know: values that were not kept, as sentences."""
+def differences(written, kept, path):
+    """Yields a sentence for each value that the schema drops or changes."""
     if isinstance(written, dict) and isinstance(kept, dict):
         for key, value in written.items():
             if key not in kept and value is not None:
                 yield f"{path}.{key}: the schema has no such field"
             elif key in kept:
-                yield from lost(value, kept[key], f"{path}.{key}")
+                yield from differences(value, kept[key], f"{path}.{key}")
     elif isinstance(written, list) and isinstance(kept, list) and len(written) == len(kept):
         for k, (a, b) in enumerate(zip(written, kept, strict=True)):
-            yield from lost(a, b, f"{path}[{k}]")
+            yield from differences(a, b, f"{path}[{k}]")
     elif written != kept:
         yield f"{path}: {written!r} is read as {kept!r}"
 
@@ -91,7 +91,7 @@ def against_schema(written):
         if panel.get("type") != "row" and panelcfg_config(panel.get("type")) is None:
             yield f"{name_of(panel)}: Grafana has no panel of type {panel.get('type')!r}"
     typed = dashboard.Dashboard.from_json(written)
-    yield from lost(written, plain(typed), "dashboard")
+    yield from differences(written, plain(typed), "dashboard")
     yield from mistyped_fields(typed, "dashboard")
 
 
@@ -102,17 +102,17 @@ def name_of(panel):
 def texts(panel):
     title, description = panel.get("title", ""), panel.get("description", "")
     if not re.match(r"[A-ZΔ]", title) or title.endswith("."):
-        yield "the title is to begin with a capital letter and to end without a full stop"
+        yield "the title must begin with a capital letter and end without a full stop"
     if any(re.match(r"[A-Z][a-z]", word) for word in title.split()[1:]):
-        yield "the title is to be in sentence case"
+        yield "the title must be in sentence case"
     if panel["type"] != "row" and not re.fullmatch(r"[A-Z].*[^.]\.", description):
-        yield "there is to be a description of one sentence"
+        yield "the description must be one or more sentences"
 
 
 def unit(panel):
     found = panel["fieldConfig"]["defaults"].get("unit", "")
     if found not in LISTED_UNITS and not CUSTOM_UNIT.fullmatch(found):
-        yield f"unit {found!r} is neither in Grafana's list nor one of our own"
+        yield f"unit {found!r} is neither on Grafana's list nor a custom one"
 
 
 def queries(panel, series, variables):
@@ -122,7 +122,7 @@ def queries(panel, series, variables):
     if len({target["refId"] for target in panel["targets"]}) < len(panel["targets"]):
         yield "two queries have the same refId"
     for target in panel["targets"]:
-        yield from promql.aliens(target["expr"], series)
+        yield from promql.unknown_names(target["expr"], series)
         for label in re.findall(r"\{\{\s*(.*?)\s*\}\}", target.get("legendFormat", "")):
             if label not in labels:
                 yield f"the legend names the label {label}, which no series has"
@@ -132,16 +132,16 @@ def queries(panel, series, variables):
 
 
 def grid(panels):
-    """Panels that overlap, or leave the grid; rows that do not hold what stands below them need no check of their own."""
-    taken = {}
+    """Yields a sentence for each panel that overlaps another one or is outside the grid."""
+    occupied = {}
     for panel in panels:
-        place = panel["gridPos"]
-        if place["x"] < 0 or place["y"] < 0 or place["w"] < 1 or place["h"] < 1 or place["x"] + place["w"] > COLUMNS:
-            yield f"{name_of(panel)} leaves the grid of {COLUMNS} columns"
-        cells = [(x, y) for x in range(place["x"], place["x"] + place["w"]) for y in range(place["y"], place["y"] + place["h"])]
-        below = {name_of(taken[cell]) for cell in cells if cell in taken}
-        yield from (f"{name_of(panel)} overlaps {other}" for other in sorted(below))
-        taken.update((cell, panel) for cell in cells)
+        box = panel["gridPos"]
+        if box["x"] < 0 or box["y"] < 0 or box["w"] < 1 or box["h"] < 1 or box["x"] + box["w"] > COLUMNS:
+            yield f"{name_of(panel)} is outside the grid of {COLUMNS} columns"
+        cells = [(x, y) for x in range(box["x"], box["x"] + box["w"]) for y in range(box["y"], box["y"] + box["h"])]
+        overlapped = {name_of(occupied[cell]) for cell in cells if cell in occupied}
+        yield from (f"{name_of(panel)} overlaps {other}" for other in sorted(overlapped))
+        occupied.update((cell, panel) for cell in cells)
 
 
 def against_metrics(written, series):
@@ -151,23 +151,24 @@ def against_metrics(written, series):
         yield "there is no variable datasource"
     for variable in written["templating"]["list"]:
         if variable["type"] == "query":
-            asked = re.fullmatch(r"label_values\(([^,]+), *\w+\)", variable["query"]["query"])
-            yield from promql.aliens(asked[1], series) if asked else [f"variable {variable['name']}: unknown query"]
+            query = re.fullmatch(r"label_values\(([^,]+), *\w+\)", variable["query"]["query"])
+            unknown_query = [f"variable {variable['name']}: unknown query"]
+            yield from promql.unknown_names(query[1], series) if query else unknown_query
     ids = [panel["id"] for panel in panels]
-    yield from (f"{ids.count(twice)} panels have the id {twice}" for twice in sorted({i for i in ids if ids.count(i) > 1}))
+    yield from (f"{ids.count(i)} panels have the id {i}" for i in sorted({i for i in ids if ids.count(i) > 1}))
     yield from grid(panels)
     for panel in panels:
         problems = list(texts(panel))
         if panel["type"] != "row":
             if panel.get("datasource") != {"type": "prometheus", "uid": "${datasource}"}:
-                problems.append("the data source is to be the variable")
+                problems.append("the data source must be the variable")
             problems += [*unit(panel), *queries(panel, series, variables)]
         yield from (f"{name_of(panel)}: {problem}" for problem in problems)
 
 
 def exposed(text):
-    """The label sets of each metric of /metrics, by its name."""
-    series = dict(OF_PROMETHEUS)
+    """Returns the label sets of each metric of /metrics, by its name."""
+    series = dict(BUILT_IN_METRICS)
     for line in text.splitlines():
         sample = re.match(r"([a-zA-Z_:][\w:]*)(?:\{(.*)\})? ", line)
         if sample:
@@ -180,7 +181,7 @@ def main():
         written = json.load(file)
     with open(sys.argv[2], encoding="utf-8") as file:
         series = exposed(file.read())
-    # What comes after may rely on the form.
+    # The second check relies on the schema.
     problems = list(against_schema(written)) or list(against_metrics(written, series))
     for problem in problems:
         print(problem, file=sys.stderr)

@@ -1,12 +1,13 @@
-// What the test looks at the page with. It runs in a world of its own: it sees what the page's scripts see, not what they
-// hold, and they do not see it.
+// Functions with which the test inspects the page. They run in an isolated world: they share the document with the
+// scripts of the page, but no variables.
 
-// By number; the one used last is the last. Not more are kept: each may have a megabyte.
-const looks = new Map();
-let looked = 0;
-const KEPT = 8;
-// Steps of a channel, 0..255, that make a colour another.
+// Captures by number, in order of their last use. Only a few are stored: each may have a megabyte.
+const captures = new Map();
+let captureCount = 0;
+const MAX_CAPTURES = 8;
+// Smallest visible difference of a channel, 0..255.
 const VISIBLE = 12;
+// Smallest difference between the channels of a vivid colour, 0..255.
 const VIVID = 40;
 
 const one = (selector) => {
@@ -19,35 +20,35 @@ const one = (selector) => {
 
 const textOf = (selector) => one(selector).textContent.trim();
 
-/** Two frames: what was asked for in the one is drawn in the other. */
+/** Waits for two frames: changes requested in the first are drawn in the second. */
 const settled = () => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))));
 
-async function shownPart(selector) {
+async function scrollToBox(selector) {
     const element = one(selector);
     element.scrollIntoView({ block: "center", inline: "center", behavior: "instant" });
     await settled();
     const { x, y, width, height } = element.getBoundingClientRect();
     if (width < 1 || height < 1) {
-        throw new Error(`${selector} is not to be seen`);
+        throw new Error(`${selector} is not visible`);
     }
     return { x, y, width, height };
 }
 
-/** Where an element is on the page, without so many pixels at each edge, for a picture of it. */
-async function placeOf(selector, inset) {
-    const { x, y, width, height } = await shownPart(selector);
+/** Returns the box of an element on the page, reduced by `inset` pixels at each edge, for a screenshot. */
+async function pageBox(selector, inset) {
+    const { x, y, width, height } = await scrollToBox(selector);
     return { x: x + scrollX + inset, y: y + scrollY + inset, width: width - 2 * inset, height: height - 2 * inset };
 }
 
-/** Where to click at; only what lies on top there can be meant. */
-async function middleOf(selector) {
-    const { x, y, width, height } = await shownPart(selector);
-    const middle = [x + width / 2, y + height / 2];
-    const there = document.elementFromPoint(...middle);
-    if (!there || !one(selector).contains(there)) {
-        throw new Error(`${selector} is covered by ${nameOf(there)}`);
+/** Returns the centre of an element, for a click. Throws an error if another element covers it. */
+async function clickPoint(selector) {
+    const { x, y, width, height } = await scrollToBox(selector);
+    const centre = [x + width / 2, y + height / 2];
+    const topmost = document.elementFromPoint(...centre);
+    if (!topmost || !one(selector).contains(topmost)) {
+        throw new Error(`${selector} is covered by ${nameOf(topmost)}`);
     }
-    return middle;
+    return centre;
 }
 
 const toTop = () => {
@@ -63,9 +64,9 @@ function nameOf(element) {
     return `${element.localName}${element.id && `#${element.id}`} “${name}”`;
 }
 
-// Looks
+// Captures
 
-async function keepLook(png) {
+async function storeCapture(png) {
     const image = new Image();
     image.src = `data:image/png;base64,${png}`;
     await image.decode();
@@ -73,15 +74,16 @@ async function keepLook(png) {
     const context = new OffscreenCanvas(width, height).getContext("2d");
     context.drawImage(image, 0, 0);
     const { data } = context.getImageData(0, 0, width, height);
-    looked += 1;
-    looks.set(looked, { width, height, data });
-    if (looks.size > KEPT) {
-        looks.delete(looks.keys().next().value);
+    captureCount += 1;
+    captures.set(captureCount, { width, height, data });
+    if (captures.size > MAX_CAPTURES) {
+        captures.delete(captures.keys().next().value);
     }
-    return { number: looked, width, height, ...factsOf(data) };
+    return { number: captureCount, width, height, ...statisticsOf(data) };
 }
 
-function factsOf(data) {
+/** Statistics of RGBA pixels, as the class Capture in browser.py explains. */
+function statisticsOf(data) {
     const counts = new Map();
     const hues = new Array(24).fill(0);
     const pixels = data.length / 4;
@@ -110,7 +112,7 @@ function factsOf(data) {
     };
 }
 
-/** 0..1 around the circle. */
+/** Hue, 0..1 around the circle. */
 function hueOf(red, green, blue, least, most) {
     const range = most - least;
     const sixths =
@@ -118,20 +120,21 @@ function hueOf(red, green, blue, least, most) {
     return (sixths % 6) / 6;
 }
 
-/** Share of the pixels that are visibly others. */
+/** Returns the share of the pixels that differ visibly between two captures. */
 function difference(number, otherNumber) {
-    const [look, other] = [looks.get(number), looks.get(otherNumber)];
-    looks.delete(otherNumber);
-    looks.set(otherNumber, other);
-    if (look.width !== other.width || look.height !== other.height) {
+    const [capture, other] = [captures.get(number), captures.get(otherNumber)];
+    // Insert it again, as the one used last.
+    captures.delete(otherNumber);
+    captures.set(otherNumber, other);
+    if (capture.width !== other.width || capture.height !== other.height) {
         return 1;
     }
-    let others = 0;
-    for (let at = 0; at < look.data.length; at += 4) {
-        const far = (channel) => Math.abs(look.data[at + channel] - other.data[at + channel]) > VISIBLE;
-        others += far(0) || far(1) || far(2) ? 1 : 0;
+    let differing = 0;
+    for (let at = 0; at < capture.data.length; at += 4) {
+        const differs = (channel) => Math.abs(capture.data[at + channel] - other.data[at + channel]) > VISIBLE;
+        differing += differs(0) || differs(1) || differs(2) ? 1 : 0;
     }
-    return (4 * others) / look.data.length;
+    return (4 * differing) / capture.data.length;
 }
 
 // Panels
@@ -139,15 +142,16 @@ function difference(number, otherNumber) {
 const livePanels = () => Object.fromEntries(allPanels().map((panel) => [panel.id, panel.dataset.live === "true"]));
 const allPanels = () => [...document.querySelectorAll("[id^=panel-]")];
 
-/** The texts of a table, row by row. */
+/** Returns the texts of a table, row by row. */
 const tableOf = (selector) =>
     [...one(selector).rows].map((row) => [...row.cells].map((cell) => cell.textContent.trim()));
 
 const eventTexts = () => [...document.querySelectorAll("#events-list .event-text")].map((text) => text.textContent);
-/** Elements that only a text could have made that was taken for markup. */
-const intruders = () => document.querySelectorAll("[onerror], img:not([src='/favicon.svg']), body script").length;
+/** Counts elements that exist only if a text was interpreted as markup. */
+const injectedElements = () =>
+    document.querySelectorAll("[onerror], img:not([src='/favicon.svg']), body script").length;
 
-/** Adds numbers, so that each of several canvases of a panel can be looked at by a selector. */
+/** Numbers the canvases of a panel, and returns a selector for each. */
 const numberCanvases = (selector) =>
     [...document.querySelectorAll(selector)].map((canvas, index) => {
         canvas.setAttribute("data-probe", String(index));
@@ -160,25 +164,25 @@ const figures = async () => (await fetch("/figures")).json();
 
 let connections = [];
 
-/** From now on notes each state of the connection that the page shows, however short. */
-function noteConnections() {
-    connections = [connectionNow()];
-    const note = () => {
-        if (JSON.stringify(connections.at(-1)) !== JSON.stringify(connectionNow())) {
-            connections.push(connectionNow());
+/** Starts to record each connection state that the page shows, however briefly. */
+function recordConnections() {
+    connections = [currentConnection()];
+    const record = () => {
+        if (JSON.stringify(connections.at(-1)) !== JSON.stringify(currentConnection())) {
+            connections.push(currentConnection());
         }
     };
-    new MutationObserver(note).observe(document.body, { attributes: true, attributeFilter: ["data-connection"] });
-    new MutationObserver(note).observe(one("#connection-banner"), { attributes: true, childList: true });
+    new MutationObserver(record).observe(document.body, { attributes: true, attributeFilter: ["data-connection"] });
+    new MutationObserver(record).observe(one("#connection-banner"), { attributes: true, childList: true });
 }
 
-const connectionNow = () => ({
+const currentConnection = () => ({
     state: document.body.dataset.connection,
     pill: textOf("#connection"),
     banner: one("#connection-banner").hidden ? "" : textOf("#connection-banner"),
     live: allPanels().filter((panel) => panel.dataset.live === "true").length,
 });
-const notedConnections = () => connections;
+const recordedConnections = () => connections;
 
 // Keyboard
 
@@ -186,35 +190,35 @@ const CONTROLS = "a[href], button, input, select, summary, [tabindex='0']";
 const controls = () => [...document.querySelectorAll(CONTROLS)];
 const isShown = (element) => element.checkVisibility({ visibilityProperty: true, contentVisibilityAuto: true });
 
-/** Names of all that the keyboard should get to, by their place in the page. */
+/** Returns the names of all elements that the keyboard should reach, by their index in the page. */
 const controlNames = () =>
     Object.fromEntries(
         controls()
-            .map((control, place) => [place, control])
+            .map((control, index) => [index, control])
             .filter(([, control]) => isShown(control))
-            .map(([place, control]) => [place, nameOf(control)]),
+            .map(([index, control]) => [index, nameOf(control)]),
     );
 
-/** What has the focus, and what is wrong with how it is seen; null where nothing has it. */
+/** Returns the index of the focused element, and a problem with its visibility; null if no element has the focus. */
 async function focused() {
     await settled();
     const element = document.activeElement;
     if (!element || element === document.body) {
         return null;
     }
-    const place = controls().indexOf(element);
+    const index = controls().indexOf(element);
     const { outlineStyle, outlineWidth, outlineColor } = getComputedStyle(element);
     if (outlineStyle === "none" || parseFloat(outlineWidth) < 2 || /, 0\)$/.test(outlineColor)) {
-        return { place, wrong: "no outline shows that it has the focus" };
+        return { index, wrong: "has the focus, but no outline shows it" };
     }
     const { left, top, width, height } = element.getBoundingClientRect();
     if (left + width < 1 || top + height < 1 || left > innerWidth - 1 || top > innerHeight - 1) {
-        return { place, wrong: "is out of sight while it has the focus" };
+        return { index, wrong: "has the focus, but is outside the window" };
     }
     const at = [Math.max(left, 0) + Math.min(width, 20) / 2, Math.max(top, 0) + Math.min(height, 20) / 2];
-    const there = document.elementFromPoint(...at);
-    const seen = there && (element.contains(there) || there.contains(element));
-    return { place, wrong: seen ? null : `is covered by ${nameOf(there)} while it has the focus` };
+    const topmost = document.elementFromPoint(...at);
+    const seen = topmost && (element.contains(topmost) || topmost.contains(element));
+    return { index, wrong: seen ? null : `has the focus, but is covered by ${nameOf(topmost)}` };
 }
 
 const unfocus = () => {
@@ -225,38 +229,38 @@ const unfocus = () => {
 
 // Layout
 
-/** What does not fit across, with every explanation open in turn. */
+/** Lists what does not fit the width of the page, also with each explanation open in turn. */
 function overflows() {
-    const found = tooWide();
+    const found = elementsTooWide();
     for (const help of document.querySelectorAll("details.help")) {
         help.open = true;
-        const more = tooWide().filter((text) => !found.includes(text));
+        const more = elementsTooWide().filter((text) => !found.includes(text));
         found.push(...more.map((text) => `${text}, with ${nameOf(help.querySelector("summary"))} open`));
         help.open = false;
     }
     return found;
 }
 
-function tooWide() {
+function elementsTooWide() {
     const root = document.documentElement;
     const wide = root.scrollWidth > root.clientWidth ? [`the page is ${root.scrollWidth} px wide`] : [];
     const out = [...document.body.querySelectorAll("*")].filter(
         (element) =>
             isShown(element) &&
             !element.closest(".table-scroll, .skip, .unseen") &&
-            reachesOut(element) &&
-            // The outermost says it all.
-            !reachesOut(element.parentElement),
+            extendsBeyondPage(element) &&
+            // List only the outermost element.
+            !extendsBeyondPage(element.parentElement),
     );
-    return [...wide, ...out.map((element) => `${nameOf(element)} reaches out of the page`)];
+    return [...wide, ...out.map((element) => `${nameOf(element)} extends beyond the page`)];
 }
 
-function reachesOut(element) {
+function extendsBeyondPage(element) {
     const { left, right, width } = element.getBoundingClientRect();
     return width > 0 && (left < -0.5 || right > innerWidth + 0.5);
 }
 
-/** Texts that are cut or that a question mark covers, which nobody sees in full. */
+/** Lists texts that are cut off, or covered by the question mark of an explanation. */
 const cutTexts = () =>
     [...document.querySelectorAll("dt, dd, h1, h2, button, .choice, .legend-label, .small-plot-label, .pill")]
         .filter((element) => isShown(element) && (isCut(element) || isCovered(element)))

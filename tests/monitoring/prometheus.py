@@ -1,18 +1,18 @@
-"""Lets a real Prometheus watch a running monitor, and checks what it sees: prometheus.py URL BINARIES
+"""Scrapes a running monitor with a real Prometheus, and checks the result: prometheus.py URL BINARIES
 
-URL is that of the monitor, BINARIES the folder with `prometheus` and `promtool` (see prometheus_package.sh). Configuration,
-rules and dashboard are those of configs/. The instance must scan and make clouds all the while, unless --idle says that it
-does not. Prints what Prometheus computes as one JSON object; says on stderr what is wrong; exit code 0: nothing.
+URL is that of the monitor, BINARIES the folder with `prometheus` and `promtool` (see prometheus_package.sh).
+Configuration, rules and dashboard are those of configs/. The instance must scan and make clouds all the time, unless
+--idle is given. Prints what Prometheus computes as one JSON object, and problems to stderr; exit code 0 means none.
 
 The JSON object:
-  scrapes, series     how many scrapes were in, and how many series each had
-  alerts              the alerts that are pending or fire at the end, by name
-  since_start         of the whole life of the instance
-  observed            of the time in which this Prometheus watched
+  scrapes, series     number of successful scrapes, and of series
+  alerts              alerts that are pending or firing at the end, by name
+  since_start         latencies since the start of the instance
+  observed            latencies while this Prometheus was running
 each of the last two:
-  exposure_to_cloud   {"count", "sum", "p50", "p90", "p99"}, or null where there was none; each percentile
-                      {"seconds", "above", "up_to"}: what Prometheus makes of it, and the bounds of the bucket that holds it
-                      (up_to is null beyond the last)
+  exposure_to_cloud   {"count", "sum", "p50", "p90", "p99"}, or null without any cloud; each percentile
+                      {"seconds", "above", "up_to"}: its value, and the bounds of its bucket (up_to is null for the last
+                      bucket)
   stages, segments    the same for each stage and each segment, by name
 """
 
@@ -40,18 +40,18 @@ import promql
 CONFIGS = pathlib.Path(__file__).parents[2] / "configs"
 ALERT_TESTS = pathlib.Path(__file__).parent / "alerts_test.yml"
 
-# How long Prometheus may take to start, to find the monitor, and to look at each rule, seconds.
-PATIENCE_S = 30
-# Scrapes that must be in before anything is judged, and the share of them that may fail: others may keep the machine busy.
+# Longest time for Prometheus to start, to scrape the monitor, and to evaluate each rule, seconds.
+TIMEOUT_S = 30
+# Least number of successful scrapes, and largest share of failed ones: the machine may be busy.
 LEAST_SCRAPES = 5
-MAY_FAIL = 0.1
-# What Grafana takes for its variables where a query has a least step of 2s.
+MAX_FAILED_SHARE = 0.1
+# Values that Grafana uses for its variables if a query has a minimum step of 2s.
 GRAFANA_VARIABLES = {"__interval": "2s", "__rate_interval": "8s"}
 QUANTILES = {"p50": 0.5, "p90": 0.9, "p99": 0.99}
-# Of the sums of all segments and of exposure to cloud; they differ by what is lost in adding.
+# Relative difference between the sum of all segments and exposure to cloud that is allowed for rounding.
 SEGMENTS_TOLERANCE = 0.01
 
-# Alerts that no instance has which works.
+# Alerts that a working instance never raises.
 NEVER = {
     "FringeflowMonitorDown",
     "FringeflowServiceDown",
@@ -60,17 +60,17 @@ NEVER = {
     "FringeflowNoClouds",
 }
 
-# Panels that may show nothing, and why.
+# Panels that may be empty, and why.
 MAY_BE_EMPTY = {
-    "Alerts": "nothing fires while all is well",
-    "Losses by reason": "shows only what was lost",
-    "Decisions by reason": "shows only what was left out, and a fast machine may leave out nothing",
-    "Incidents": "shows only what happened",
+    "Alerts": "no alert fires while all is well",
+    "Losses by reason": "shows only losses",
+    "Decisions by reason": "shows only items left out; on a fast machine there may be none",
+    "Incidents": "shows only incidents",
 }
-# Panels that show something only where there is a scan.
+# Panels that are empty without a scan.
 NEED_A_SCAN = {
     "Exposure to cloud",
-    "Points of a cloud",
+    "Points per cloud",
     "Exposure to cloud over time",
     "Latency of the stages, p50",
     "Latency of the stages, p99",
@@ -90,12 +90,12 @@ NEED_A_SCAN = {
 
 
 class Failure(Exception):
-    """Why nothing more can be checked."""
+    """Reason why no more can be checked."""
 
 
 def wait_for(what, condition, process=None):
-    """The first true value of the condition; it may fail with `Failure`, which then is why the time ran out."""
-    end = time.monotonic() + PATIENCE_S
+    """Waits until the condition is true, and returns its value. On a timeout, reports its last `Failure`."""
+    end = time.monotonic() + TIMEOUT_S
     reason = ""
     while time.monotonic() < end:
         if process is not None and process.poll() is not None:
@@ -106,7 +106,7 @@ def wait_for(what, condition, process=None):
         except Failure as failure:
             reason = f": {failure}"
         time.sleep(0.1)
-    raise Failure(f"{what}: not within {PATIENCE_S} s{reason}")
+    raise Failure(f"{what}: not within {TIMEOUT_S} s{reason}")
 
 
 class Prometheus:
@@ -114,13 +114,13 @@ class Prometheus:
 
     def __init__(self, address):
         self.address = address
-        # No proxy stands between this machine and itself.
+        # The address is on this machine: ignore proxy settings.
         self.opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
     def get(self, path, **parameters):
         url = f"http://{self.address}/api/v1/{path}?{urllib.parse.urlencode(parameters)}"
         try:
-            with self.opener.open(url, timeout=PATIENCE_S) as answer:
+            with self.opener.open(url, timeout=TIMEOUT_S) as answer:
                 return json.load(answer)["data"]
         except urllib.error.HTTPError as error:
             raise Failure(f"{path}: {error.read().decode(errors='replace')}") from error
@@ -128,35 +128,35 @@ class Prometheus:
             raise Failure(f"Prometheus does not answer: {error}") from error
 
     def instant(self, query, at):
-        """Labels and value of each series."""
+        """Returns labels and value of each series."""
         result = self.get("query", query=query, time=at)["result"]
         return [(one["metric"], float(one["value"][1])) for one in result]
 
     def samples(self, metric):
-        """Time and value of each sample of a metric that Prometheus makes of every scrape of the monitor."""
+        """Returns time and value of each sample of a metric that Prometheus records for every scrape of the monitor."""
         result = self.get("query", query=f'{metric}{{job="fringeflow"}}[1h]')["result"]
         if len(result) != 1:
             raise Failure(f"{metric}: {len(result)} series instead of one")
         return [(time_s, float(value)) for time_s, value in result[0]["values"]]
 
     def values(self, query, start, end):
-        """All values of all series of a range, step 2s."""
+        """Returns all values of all series in a range, step 2s."""
         result = self.get("query_range", query=query, start=start, end=end, step=2)["result"]
         return [float(value) for one in result for _, value in one["values"]]
 
 
 def configure(folder, url, token):
-    """Puts a copy of configuration and rules into the folder, with the monitor's address and the token."""
+    """Copies configuration and rules into the folder, with the address and the token of the monitor."""
     shutil.copy(CONFIGS / "alerts.yml", folder)
     text = (CONFIGS / "prometheus.yml").read_text(encoding="utf-8")
     text, found = re.subn(r'targets: \[".*"\]', f'targets: ["{url.netloc}"]', text)
     if found != 1:
-        raise Failure("configs/prometheus.yml: there is to be one target")
+        raise Failure("configs/prometheus.yml: there must be exactly one target")
     if token is not None:
-        # As the comment says that it is done.
+        # Activate the lines that the comment in the file shows.
         text, found = re.subn(r"^( *)# (authorization:)\n *# ( *credentials_file: (.*))$", r"\1\2\n\1\3", text, flags=re.M)
         if found != 1:
-            raise Failure("configs/prometheus.yml: the comment does not show how a token is given")
+            raise Failure("configs/prometheus.yml: no comment shows how to set a token")
         (folder / "fringeflow.token").write_text(token, encoding="utf-8")
     (folder / "prometheus.yml").write_text(text, encoding="utf-8")
 
@@ -168,14 +168,14 @@ def promtool(binaries, *arguments):
 
 
 def die_with_parent():
-    """Even where this process is killed, its Prometheus does not stay."""
+    """Ends Prometheus even if this process is killed."""
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 @contextlib.contextmanager
 def running(binaries, folder):
-    """Prometheus on a free port of the loopback interface."""
+    """Runs Prometheus on a free port of the loopback interface."""
     log = folder / "log.txt"
     command = [
         binaries / "prometheus",
@@ -198,7 +198,7 @@ def running(binaries, folder):
         yield Prometheus(listening[1])
     except Failure as failure:
         last = "\n".join(log.read_text(encoding="utf-8").splitlines()[-5:])
-        raise Failure(f"{failure}\nPrometheus said last:\n{last}") from failure
+        raise Failure(f"{failure}\nLast messages of Prometheus:\n{last}") from failure
     finally:
         process.terminate()
         try:
@@ -217,35 +217,35 @@ def target_up(server):
     return True
 
 
-def rules_looked_at(server):
+def evaluated_rules(server):
     rules = [rule for group in server.get("rules")["groups"] for rule in group["rules"]]
     return rules if rules and all(rule["health"] != "unknown" for rule in rules) else None
 
 
 def rules(server, series):
-    """What is wrong with the rules."""
-    found = wait_for("every rule is looked at", lambda: rules_looked_at(server))
+    """Yields a sentence for each problem with the rules."""
+    found = wait_for("every rule is evaluated", lambda: evaluated_rules(server))
     others = ["up", *(rule["name"] for rule in found if rule["type"] == "recording")]
     series = {**series, **{name: [labels for labels, _ in server.instant(name, time.time())] for name in others}}
     tests = ALERT_TESTS.read_text(encoding="utf-8")
     for rule in found:
         if rule["health"] != "ok":
             yield f"rule {rule['name']} is {rule['health']}: {rule['lastError']}"
-        yield from (f"rule {rule['name']}: {alien}" for alien in promql.aliens(rule["query"], series))
+        yield from (f"rule {rule['name']}: {problem}" for problem in promql.unknown_names(rule["query"], series))
         if rule["type"] == "alerting" and f'alertname="{rule["name"]}"' not in tests:
-            yield f"rule {rule['name']} is not in {ALERT_TESTS.name}"
+            yield f"rule {rule['name']} has no test in {ALERT_TESTS.name}"
 
 
 def loss_lists():
-    """Rules and dashboard must mean the same by a loss."""
+    """Rules and dashboard must have the same list of losses."""
     texts = [(CONFIGS / name).read_text(encoding="utf-8") for name in ("alerts.yml", "grafana.json")]
     lists = {reasons for text in texts for reasons in re.findall(r'reason[=!]~\\?"([a-z_|]+)', text)}
     if len(lists) != 1:
-        yield "alerts.yml and grafana.json differ in what a loss is: " + " / ".join(sorted(lists))
+        yield "alerts.yml and grafana.json have different lists of losses: " + " / ".join(sorted(lists))
 
 
 def alerts(server):
-    """The alerts that are pending or fire, by name, and what is wrong with them."""
+    """Returns the pending and firing alerts by name, and problems with them."""
     found = collections.defaultdict(list)
     for alert in server.get("alerts")["alerts"]:
         labels = {k: v for k, v in alert["labels"].items() if k not in ("alertname", "job", "instance", "severity")}
@@ -255,14 +255,14 @@ def alerts(server):
     return dict(found), problems + unexpanded
 
 
-def filled(query, variables):
+def fill_in(query, variables):
     for name, value in variables.items():
         query = re.sub(rf"\$(?:{name}\b|{{{name}}})", lambda _, value=value: value, query)
     return query
 
 
 def variables(server, dashboard, start, end):
-    """The values that Grafana would fill in."""
+    """Returns the values that Grafana would use for the variables."""
     found = {**GRAFANA_VARIABLES, "__range": f"{int(end - start)}s"}
     for variable in dashboard["templating"]["list"]:
         if variable["type"] != "query":
@@ -270,23 +270,23 @@ def variables(server, dashboard, start, end):
         metric, label = re.fullmatch(r"label_values\(([^,]+), *(\w+)\)", variable["query"]["query"]).groups()
         choices = server.get(f"label/{label}/values", **{"match[]": metric, "start": start, "end": end})
         if not choices:
-            raise Failure(f"the variable {variable['name']} of the dashboard has nothing to choose from")
+            raise Failure(f"the variable {variable['name']} of the dashboard has no values")
         found[variable["name"]] = choices[0]
     return found
 
 
 def panels(server, start, end, may_be_empty):
-    """What is wrong with the queries of the dashboard."""
+    """Yields a sentence for each problem with the queries of the dashboard."""
     dashboard = json.loads((CONFIGS / "grafana.json").read_text(encoding="utf-8"))
     known = variables(server, dashboard, start, end)
     titles = {panel["title"] for panel in dashboard["panels"]}
-    yield from (f'there is no panel "{title}" that may be empty' for title in sorted(may_be_empty - titles))
+    yield from (f'panel "{title}", which may be empty, does not exist' for title in sorted(may_be_empty - titles))
     for panel in dashboard["panels"]:
         for target in panel.get("targets", []):
             where = f'panel "{panel["title"]}", query {target["refId"]}'
-            query = filled(target["expr"], known)
+            query = fill_in(target["expr"], known)
             if "$" in query:
-                yield f"{where}: not every variable is known: {query}"
+                yield f"{where}: unknown variable: {query}"
                 continue
             try:
                 values = server.values(query, start, end)
@@ -298,17 +298,17 @@ def panels(server, start, end, may_be_empty):
 
 
 def series_of(server, start, end):
-    """The label sets of each metric of the monitor, by its name, and what is wrong with their number."""
+    """Returns the label sets of each metric of the monitor by its name, and problems with their number."""
     selector = '{job="fringeflow",__name__=~"fringeflow_.+"}'
     ever = server.get("series", **{"match[]": selector, "start": start, "end": end})
     now = [labels for labels, _ in server.instant(selector, end)]
-    # A scrape that failed has none.
+    # Failed scrapes have no samples.
     numbers = {int(number) for _, number in server.samples("scrape_samples_scraped") if number > 0}
     problems = []
     if len(numbers) != 1:
         problems.append(f"the number of series changes: {min(numbers)} to {max(numbers)}")
     if gone := [labels for labels in ever if labels not in now]:
-        problems.append(f"{len(gone)} series came and went, among them {gone[:3]}")
+        problems.append(f"{len(gone)} series appeared and disappeared, among them {gone[:3]}")
     found = collections.defaultdict(list)
     for labels in now:
         found[labels["__name__"]].append(labels)
@@ -316,7 +316,7 @@ def series_of(server, start, end):
 
 
 def quantile(value, quantile_of, buckets):
-    """The bounds of the bucket that holds the quantile, as Prometheus looks for it; `buckets`: cumulative counts by bound."""
+    """Returns the bucket that holds the quantile, by the rule of Prometheus. `buckets`: cumulative counts by bound."""
     above = 0.0
     for bound in sorted(buckets):
         if buckets[bound] >= quantile_of * buckets[math.inf]:
@@ -326,13 +326,15 @@ def quantile(value, quantile_of, buckets):
 
 
 def histograms(server, name, label, window, at):
-    """Count, sum and percentiles of each value of the label, of all time or of a window; and what is wrong with them."""
+    """Returns count, sum and percentiles by the value of the label, since the start or over a window; and problems."""
     over = (lambda metric: f"increase({metric}[{window}])") if window else (lambda metric: metric)
     by = f"by (le, {label})" if label else "by (le)"
     buckets = collections.defaultdict(dict)
     for labels, count in server.instant(f"sum {by} ({over(name + '_bucket')})", at):
         buckets[labels.get(label)][float(labels["le"])] = count
-    counts, sums = ({labels.get(label): v for labels, v in server.instant(over(name + end), at)} for end in ("_count", "_sum"))
+    counts, sums = (
+        {labels.get(label): v for labels, v in server.instant(over(name + end), at)} for end in ("_count", "_sum")
+    )
     values = {
         percentile: {
             labels.get(label): v
@@ -342,12 +344,12 @@ def histograms(server, name, label, window, at):
     }
     found, problems = {}, []
     for key, own in buckets.items():
-        who = f"{name} {key or ''}".rstrip()
+        which = f"{name} {key or ''}".rstrip()
         steps = [own[bound] for bound in sorted(own)]
         if steps != sorted(steps):
-            problems.append(f"{who}: the counts of the buckets fall: {own}")
+            problems.append(f"{which}: the cumulative counts of the buckets decrease: {own}")
         if not math.isclose(own.get(math.inf, -1), counts.get(key, -2), abs_tol=1e-6):
-            problems.append(f"{who}: the bucket +Inf and the count differ: {own.get(math.inf)}, {counts.get(key)}")
+            problems.append(f"{which}: the bucket +Inf and the count differ: {own.get(math.inf)}, {counts.get(key)}")
         if not own.get(math.inf):
             found[key] = None
             continue
@@ -355,9 +357,9 @@ def histograms(server, name, label, window, at):
         for percentile, q in QUANTILES.items():
             one = quantile(values[percentile][key], q, own)
             found[key][percentile] = one
-            # Beyond the last bound Prometheus says the last bound.
+            # For the last bucket, Prometheus returns its lower bound.
             if not one["above"] <= one["seconds"] <= (one["up_to"] or one["above"]):
-                problems.append(f"{who}: {percentile} is not within its bucket: {one}")
+                problems.append(f"{which}: {percentile} is not within its bucket: {one}")
     return found, problems
 
 
@@ -369,10 +371,10 @@ def latencies(server, window, at):
     problems = a + b + c
     if total is not None and window is None:
         counts = {s["count"] if s else 0 for s in segments.values()}
-        # A window has segments once the reports of three processes on it are in, and none if one of them was missed.
+        # A window has segments only after three processes have reported it. If one report is missed, it has none.
         least = total["count"] * (1 - SEGMENTS_TOLERANCE) - 2
         if len(counts) != 1 or not least <= min(counts) <= total["count"]:
-            problems.append(f"of {total['count']} windows the segments tell of {sorted(counts)}")
+            problems.append(f"the segments count {sorted(counts)} of {total['count']} windows")
         sums = sum(s["sum"] for s in segments.values() if s)
         if counts == {total["count"]} and not math.isclose(sums, total["sum"], rel_tol=SEGMENTS_TOLERANCE):
             problems.append("the segments do not add up to exposure to cloud")
@@ -380,49 +382,49 @@ def latencies(server, window, at):
 
 
 def observe(server, seconds, idle):
-    """What Prometheus sees, and what is wrong."""
+    """Returns what Prometheus computes, and problems."""
     wait_for("the monitor is up", lambda: target_up(server))
     time.sleep(seconds)
     scrapes = server.samples("up")
-    came = [time_s for time_s, up in scrapes if up == 1]
-    if len(came) < LEAST_SCRAPES or len(came) < (1 - MAY_FAIL) * len(scrapes):
-        raise Failure(f"{len(came)} of {len(scrapes)} scrapes came")
-    start, end = came[0], came[-1]
+    successful = [time_s for time_s, up in scrapes if up == 1]
+    if len(successful) < LEAST_SCRAPES or len(successful) < (1 - MAX_FAILED_SHARE) * len(scrapes):
+        raise Failure(f"{len(successful)} of {len(scrapes)} scrapes succeeded")
+    start, end = successful[0], successful[-1]
     window = f"{math.ceil(end - start)}s"
     problems = []
 
-    def keep(found_and_wrong):
-        found, wrong = found_and_wrong
-        problems.extend(wrong)
-        return found
+    def keep(result_and_problems):
+        result, new_problems = result_and_problems
+        problems.extend(new_problems)
+        return result
 
     series = keep(series_of(server, start, end))
     problems.extend(rules(server, series))
     problems.extend(loss_lists())
     problems.extend(panels(server, start, end, MAY_BE_EMPTY.keys() | (NEED_A_SCAN if idle else set())))
     seen = {
-        "scrapes": len(came),
+        "scrapes": len(successful),
         "series": sum(map(len, series.values())),
         "alerts": keep(alerts(server)),
         "since_start": keep(latencies(server, None, end)),
         "observed": keep(latencies(server, window, end)),
     }
     if not idle and seen["observed"]["exposure_to_cloud"] is None:
-        problems.append("no cloud came while Prometheus watched")
+        problems.append("no cloud was made while Prometheus was running")
     return seen, problems
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Lets a real Prometheus watch a running monitor, and checks what it sees.")
-    parser.add_argument("url", type=urllib.parse.urlsplit, help="of the monitor, such as http://127.0.0.1:8780")
+    parser = argparse.ArgumentParser(description="Scrapes a running monitor with a real Prometheus, checks the result.")
+    parser.add_argument("url", type=urllib.parse.urlsplit, help="URL of the monitor, such as http://127.0.0.1:8780")
     parser.add_argument("binaries", type=pathlib.Path, help="folder with prometheus and promtool")
-    parser.add_argument("--seconds", type=float, default=20.0, help="how long Prometheus watches")
-    parser.add_argument("--token", help="which the monitor asks for")
+    parser.add_argument("--seconds", type=float, default=20.0, help="how long Prometheus runs")
+    parser.add_argument("--token", help="token of the monitor")
     parser.add_argument("--idle", action="store_true", help="the instance does not scan")
     arguments = parser.parse_args()
     if arguments.url.scheme != "http" or not arguments.url.netloc:
-        parser.error("the URL is to be http://ADDRESS:PORT")
-    # So that what is begun is ended.
+        parser.error("the URL must be http://ADDRESS:PORT")
+    # Exit normally on SIGTERM, so that Prometheus is stopped and files are removed.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     try:
         with tempfile.TemporaryDirectory(prefix="fringeflow-prometheus-") as name:

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Unpacks `prometheus` and `promtool` of Debian's package prometheus below target/, once. Nothing is installed, no service is
-# started, and no root is needed.
-# Usage: prometheus_package.sh; prints the folder that holds both.
+# Unpacks `prometheus` and `promtool` from Debian's package prometheus into target/, once. Installs nothing, starts no
+# service, and needs no root.
+# Usage: prometheus_package.sh; prints the folder of both programs.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -17,16 +17,17 @@ download() {
     (cd "$work/package" && rm -f ./* && apt-get download -qq -o APT::Sandbox::User= prometheus) >"$work/output.txt" 2>&1
 }
 
-# Lists of our own: the machine's are empty in a fresh container, or too old to download by, and only root may renew them.
+# Uses separate apt package lists. Those of the machine may be empty (in a fresh container) or too old, and only root
+# can update them.
 use_own_lists() {
     mkdir -p "$work/lists/partial"
     printf 'Dir::State::lists "%s";\nDir::Cache::pkgcache "";\nDir::Cache::srcpkgcache "";\n' "$work/lists" >"$work/apt.conf"
     export APT_CONFIG=$work/apt.conf
-    # One of several sources may fail and not be needed; what is missing shows below.
+    # A failing source may not be needed. If it is, the download below fails.
     apt-get update -qq >"$work/output.txt" 2>&1 || cat "$work/output.txt" >&2
 }
 
-# Appears under its name when it is whole: what is killed leaves nothing that looks finished.
+# Moves the programs to their final folder only when complete, so an interrupted run leaves nothing that looks finished.
 unpack() {
     mkdir "$work/root"
     dpkg-deb --fsys-tarfile "$work"/package/prometheus_*.deb |
@@ -37,11 +38,11 @@ unpack() {
 }
 
 mkdir -p "$folder"
-# Tests may ask for it side by side; the first unpacks it, the others wait.
+# Several tests may run this at once: the first one unpacks, the others wait.
 exec 9>"$folder/lock"
 flock 9
 if [ ! -d "$folder/bin" ]; then
-    command -v apt-get >/dev/null || fail "Prometheus comes as a package of Debian: run this test on Debian 12 or later"
+    command -v apt-get >/dev/null || fail "this needs the Debian package prometheus: run the test on Debian 12 or later"
     work=$(mktemp --directory "$folder/.work.XXXXXX")
     trap 'rm -rf "$work"' EXIT
     mkdir "$work/package"

@@ -1,4 +1,4 @@
-"""What a query in PromQL names: metrics, and the values of labels."""
+"""Finds the metrics and label values that a PromQL query names."""
 
 import re
 
@@ -13,31 +13,31 @@ NAME = re.compile(r"[a-zA-Z_:][\w:]*")
 
 
 def metrics(query):
-    """The names of metrics in the query: all names that are no function, label or keyword."""
+    """Returns the metrics of the query: all names that are no function, label or keyword."""
     rest = STRING.sub('""', query)
     for pattern in (re.compile(r"\{[^}]*\}"), RANGE, LABELS_OF, NUMBER):
         rest = pattern.sub(" ", rest)
     names = NAME.finditer(rest)
-    # A function, or `sum by (...)`, whose labels are gone, is followed by its arguments.
+    # Functions are followed by their arguments; so is `sum by (...)`, because its labels were removed.
     return {n[0] for n in names if n[0].lower() not in KEYWORDS and not rest[n.end() :].lstrip().startswith("(")}
 
 
 def matchers(query):
-    """Of each `metric{label="value"}`: metric, label, operator, value."""
+    """Yields metric, label, operator and value of each `metric{label="value"}`."""
     for selector in SELECTOR.finditer(query):
         for label, operator, value in MATCHER.findall(selector[2]):
             yield selector[1], label, operator, value
 
 
-def aliens(query, series):
-    """What the query asks for and no series has, as sentences. `series`: the label sets of each metric, by its name."""
+def unknown_names(query, series):
+    """Yields a sentence for each name that no series has. `series`: the label sets of each metric, by its name."""
     for name in sorted(metrics(query) - series.keys()):
         yield f"there is no metric {name}"
     for name, label, operator, value in matchers(query):
         if name not in series or "$" in value:
             continue
         present = {labels[label] for labels in series[name] if label in labels}
-        # Of a list of values each must be there: a misspelt one would be missed by nobody.
+        # Each value of a list must exist: nothing else would reveal a misspelt one.
         for part in value.split("|") if operator in ("=~", "!~") else [value]:
             if not any(re.fullmatch(part, p) if "~" in operator else part == p for p in present):
                 yield f'{name} has no {label}="{part}", only {", ".join(sorted(present)) or "none"}'

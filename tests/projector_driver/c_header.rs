@@ -1,4 +1,4 @@
-//! The structs of include/fringeflow.h lie in memory as those of Rust do, and the names and numbers beside them agree.
+//! The structs of include/fringeflow.h have the same memory layout as those of Rust, and names and numbers agree.
 
 use std::fmt::Write as _;
 use std::mem::offset_of;
@@ -10,10 +10,10 @@ use fringeflow_message::{
 };
 use fringeflow_transport::ChannelId;
 
-/// A C expression and what it must be.
-type Line = (String, u64);
+/// A C expression and its expected value.
+type Expectation = (String, u64);
 
-/// Size and offsets of a struct under its name in C.
+/// Adds size and field offsets of a struct, which has the name `$c` in C.
 macro_rules! layout {
     ($lines:ident, $c:literal, $rust:ty, [$($field:ident),*]) => {
         $lines.push((format!("sizeof({})", $c), size_of::<$rust>() as u64));
@@ -21,7 +21,7 @@ macro_rules! layout {
     };
 }
 
-fn layouts() -> Vec<Line> {
+fn layouts() -> Vec<Expectation> {
     let mut lines = Vec::new();
     layout!(
         lines,
@@ -60,7 +60,7 @@ fn layouts() -> Vec<Line> {
     lines
 }
 
-fn numbers() -> Vec<Line> {
+fn numbers() -> Vec<Expectation> {
     let commands = [
         ("STATE", fringeflow_message::Command::State),
         ("START", fringeflow_message::Command::Start),
@@ -84,7 +84,7 @@ fn numbers() -> Vec<Line> {
     commands.into_iter().chain(others).chain(formats).collect()
 }
 
-/// The name under which iceoryx2 knows a struct of crates/message/src.
+/// The iceoryx2 type name of a struct in crates/message/src.
 fn type_name(rust: &str) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/message/src");
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
@@ -94,7 +94,7 @@ fn type_name(rust: &str) -> String {
     before.rsplit_once("#[type_name(\"").unwrap().1.to_owned()
 }
 
-/// Names in C and what they must be.
+/// Macros for names in C, and their expected values.
 fn names() -> Vec<(&'static str, String)> {
     vec![
         ("FRINGEFLOW_CHANNEL_PATTERN", ChannelId::ProjectorPattern.name().to_owned()),
@@ -110,8 +110,8 @@ fn names() -> Vec<(&'static str, String)> {
     ]
 }
 
-/// A program that prints every expression, and every name.
-fn program(lines: &[Line], names: &[(&str, String)]) -> String {
+/// A C program that prints every expression and every name.
+fn c_program(lines: &[Expectation], names: &[(&str, String)]) -> String {
     let mut source =
         String::from("#include <fringeflow.h>\n#include <stddef.h>\n#include <stdio.h>\nint main(void) {\n");
     for (expression, _) in lines {
@@ -124,12 +124,12 @@ fn program(lines: &[Line], names: &[(&str, String)]) -> String {
 }
 
 #[test]
-fn c_and_rust_agree_on_every_byte() {
+fn c_and_rust_have_the_same_layout_and_names() {
     let folder = tempfile::tempdir().unwrap();
     let [source, binary] = ["layout.c", "layout"].map(|name| folder.path().join(name));
-    let lines: Vec<Line> = layouts().into_iter().chain(numbers()).collect();
+    let lines: Vec<Expectation> = layouts().into_iter().chain(numbers()).collect();
     let names = names();
-    std::fs::write(&source, program(&lines, &names)).unwrap();
+    std::fs::write(&source, c_program(&lines, &names)).unwrap();
     let include = Path::new(env!("CARGO_MANIFEST_DIR")).join("../include");
     let mut compiler = Command::new("cc");
     compiler.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-I"]).arg(include).arg("-o").arg(&binary).arg(&source);

@@ -1,6 +1,6 @@
-//! The contract for projector drivers (docs/projector-driver.md): the C header, and the example in Python.
+//! The contract for projector drivers (docs/projector-driver.md): the C header and the Python example.
 
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a compiler or an interpreter that is missing fails the test")]
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a missing compiler or interpreter fails the test")]
 
 mod c_header;
 mod python_driver;

@@ -1,17 +1,17 @@
-//! The example driver in Python against ports of Rust.
+//! The example driver in Python, against channels opened from Rust.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use fringeflow_message::{
-    Command as Ask, ControlRequest, ControlResponse, PATTERN_FRINGES, PatternEvent, ScanState, Text,
+    Command as ScanCommand, ControlRequest, ControlResponse, PATTERN_FRINGES, PatternEvent, ScanState, Text,
 };
 use fringeflow_transport::{
     ChannelSizes, ControlServer, Instance, KeptChannels, Node, PROJECTOR_PATTERN, Publisher, SCAN_STATE, Subscriber,
 };
 
-const HANG: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 const SIZES: ChannelSizes = ChannelSizes {
     frame_bytes: 64,
     window: 4,
@@ -22,7 +22,7 @@ const SIZES: ChannelSizes = ChannelSizes {
     prior_bytes: 0,
 };
 
-/// What a supervisor holds, as far as a driver sees it.
+/// The part of a supervisor that a driver sees.
 struct Supervisor {
     config_file: PathBuf,
     _channels: KeptChannels,
@@ -30,7 +30,7 @@ struct Supervisor {
     events: Subscriber<(), PatternEvent>,
     control: ControlServer,
     state: ScanState,
-    asked: Vec<(Ask, String)>,
+    requests: Vec<(ScanCommand, String)>,
 }
 
 impl Supervisor {
@@ -46,7 +46,7 @@ impl Supervisor {
             events: Subscriber::open(&node, PROJECTOR_PATTERN, &SIZES).unwrap(),
             control: ControlServer::open(&node).unwrap(),
             state: ScanState::default(),
-            asked: Vec::new(),
+            requests: Vec::new(),
         }
     }
 
@@ -60,17 +60,17 @@ impl Supervisor {
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
-    /// Answers requests and hands out the state.
+    /// Answers requests and publishes the state.
     fn serve(&mut self) {
-        let (state, asked) = (&mut self.state, &mut self.asked);
+        let (state, requests) = (&mut self.state, &mut self.requests);
         let answer = |request: &ControlRequest| {
-            let command = Ask::from_code(request.command).unwrap();
-            asked.push((command, request.text.to_text()));
+            let command = ScanCommand::from_code(request.command).unwrap();
+            requests.push((command, request.text.to_text()));
             state.revision += 1;
             match command {
-                Ask::Start => state.scanning = 1,
-                Ask::Stop => state.scanning = 0,
-                Ask::Mark => {
+                ScanCommand::Start => state.scanning = 1,
+                ScanCommand::Stop => state.scanning = 0,
+                ScanCommand::Mark => {
                     let text = Text::new("nothing is recorded");
                     return ControlResponse { refused: 1, text, state: *state, ..ControlResponse::default() };
                 }
@@ -84,7 +84,7 @@ impl Supervisor {
         self.states.ensure_connected().unwrap();
     }
 
-    /// Serves until the driver ends; its exit code, what it printed, and the events it sent.
+    /// Serves until the driver ends. Returns its exit code, its output, and the events that it sent.
     fn serve_until_end(&mut self, mut driver: Child) -> (i32, String, Vec<PatternEvent>) {
         let (start, mut events) = (Instant::now(), Vec::new());
         loop {
@@ -96,7 +96,7 @@ impl Supervisor {
             if ended {
                 break;
             }
-            if start.elapsed() > HANG {
+            if start.elapsed() > TIMEOUT {
                 driver.kill().unwrap();
                 panic!("the driver hangs after {} events", events.len());
             }
@@ -117,8 +117,8 @@ fn it_starts_the_scan_announces_its_patterns_and_stops_the_scan() {
     let (code, text, events) = supervisor.serve_until_end(driver);
     assert_eq!(code, 0, "{text}");
     assert!(text.contains("43 patterns announced"), "{text}");
-    let asked: Vec<_> = supervisor.asked.iter().map(|(command, text)| (*command, text.as_str())).collect();
-    assert_eq!(asked, [(Ask::RecordStart, "scan.mcap"), (Ask::Start, ""), (Ask::Stop, "")]);
+    let requests: Vec<_> = supervisor.requests.iter().map(|(command, text)| (*command, text.as_str())).collect();
+    assert_eq!(requests, [(ScanCommand::RecordStart, "scan.mcap"), (ScanCommand::Start, ""), (ScanCommand::Stop, "")]);
     assert_eq!(events.len(), 43);
     for (k, event) in (0_u64..).zip(&events) {
         assert_eq!((event.sequence, event.session), (k, events[0].session));
@@ -130,7 +130,7 @@ fn it_starts_the_scan_announces_its_patterns_and_stops_the_scan() {
 }
 
 #[test]
-fn without_the_channels_it_says_what_to_do() {
+fn without_channels_it_asks_to_start_the_instance() {
     let folder = tempfile::tempdir_in("/tmp").unwrap();
     let mut supervisor = Supervisor::new(folder.path());
     let nobody = Instance::in_folder(folder.path(), "nobody").unwrap();
@@ -143,12 +143,12 @@ fn without_the_channels_it_says_what_to_do() {
 }
 
 #[test]
-fn it_tells_why_it_was_refused() {
+fn it_prints_why_a_request_was_refused() {
     let folder = tempfile::tempdir_in("/tmp").unwrap();
     let mut supervisor = Supervisor::new(folder.path());
     let driver = supervisor.driver(&["--mark", "edge"]);
     let (code, text, events) = supervisor.serve_until_end(driver);
     assert_eq!((code, events.len()), (1, 0), "{text}");
     assert!(text.contains("refused: nothing is recorded"), "{text}");
-    assert_eq!(supervisor.asked, [(Ask::Mark, "edge".to_owned())]);
+    assert_eq!(supervisor.requests, [(ScanCommand::Mark, "edge".to_owned())]);
 }

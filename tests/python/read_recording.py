@@ -1,6 +1,6 @@
-"""Reads a recording with the `mcap` package and prints what is in it as one JSON object.
+"""Reads a recording with the `mcap` package and prints its contents as one JSON object.
 
-It knows nothing of fringeflow but the names of topics: schemas come from the file.
+Of Fringeflow it knows only the names of topics: schemas come from the file.
 """
 
 import hashlib
@@ -20,7 +20,7 @@ def sha256(data):
 
 
 def points(cloud):
-    """The points of a foxglove.PointCloud as a structured array."""
+    """Returns the points of a foxglove.PointCloud as a structured array."""
     record = numpy.dtype(
         {
             "names": [field.name for field in cloud.fields],
@@ -33,7 +33,7 @@ def points(cloud):
 
 
 def values(topic, message):
-    """What the test compares, of one message."""
+    """Returns the values of a message that the test compares."""
     if topic.endswith("/frame"):
         return [message.width, message.height, message.step, message.encoding, sha256(message.data)]
     if topic == "/cloud":

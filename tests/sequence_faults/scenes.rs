@@ -1,4 +1,4 @@
-//! Windows of rendered images in which images are lost, duplicated and swapped, for tests and for measuring.
+//! Rendered windows with lost, duplicated and swapped images, for tests and measurements.
 
 use std::f64::consts::TAU;
 
@@ -17,44 +17,43 @@ use fringeflow_lab::simulation::{
     VirtualRig,
 };
 
-/// Focal length of cameras that see the fringes as cameras of 640 × 512 pixels do, whose middle they are.
+/// The images are the middle of images of this width: they have the same focal length in pixels, and the same fringes.
 const FULL_WIDTH_PX: f64 = 640.0;
-/// Direction of the way, frame of the measurement volume.
+/// Direction of motion, frame of the measurement volume.
 const DIRECTION: [f64; 3] = [0.62, -0.35, 0.70];
 
-/// What goes wrong with the images of a window.
+/// A fault to inject into a window. Image numbers count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Injection {
-    /// Nothing.
+    /// No fault.
     None,
-    /// The images of the camera are those of other steps all alike.
+    /// All images are ahead of the declared steps by this number.
     Slip(usize),
-    /// So many images are lost behind one.
+    /// After image `.0`, `.1` images are lost.
     Lost(usize, usize),
-    /// The very same image comes twice, those behind it are one late.
+    /// The image is delivered twice; later images are delayed by one.
     Frozen(usize),
-    /// The projector shows a pattern twice and goes on from there.
+    /// The projector shows the pattern of the image twice; later patterns are delayed by one.
     Repeated(usize),
-    /// The projector leaves so many patterns out.
+    /// After image `.0`, the projector skips `.1` patterns.
     Skipped(usize, usize),
-    /// An image and the next one are exchanged.
+    /// The image and the next one are exchanged.
     Swapped(usize),
 }
 
 /// A scene that moves past both cameras, ray-traced pose by pose.
 pub(crate) struct MovingScene {
-    /// The rig.
     pub(crate) rig: VirtualRig,
-    /// Of camera 1 and 2.
+    /// Views of cameras 1 and 2, by pose.
     views: [Vec<View>; 2],
     noise: NoiseLevel,
 }
 
-/// Where the images of a window come from: pose and step of each.
-type Places = Vec<[usize; 2]>;
+/// Pose and step of each image of a window.
+type Origins = Vec<[usize; 2]>;
 
 impl Injection {
-    /// The fault that it is; `None` where a window by itself shows none.
+    /// The fault to expect; `None` if a single window cannot show it.
     pub(crate) fn fault(self) -> Option<SequenceFaultKind> {
         match self {
             Self::None | Self::Slip(_) => None,
@@ -64,22 +63,22 @@ impl Injection {
         }
     }
 
-    /// One of a kind, 1 to 6, at random.
+    /// Draws a fault of kind 1 to 6 at a random place.
     pub(crate) fn draw(kind: usize, steps: usize, images: usize, rng: &mut ChaCha8Rng) -> Self {
-        let place = rng.random_range(0..images - 1);
-        let few = rng.random_range(1..(steps - 1).max(2));
+        let image = rng.random_range(0..images - 1);
+        let count = rng.random_range(1..(steps - 1).max(2));
         match kind {
             1 => Self::Slip(rng.random_range(1..steps)),
-            2 => Self::Lost(place, few),
-            3 => Self::Frozen(place),
-            4 => Self::Repeated(place),
-            5 => Self::Skipped(place, few),
-            _ => Self::Swapped(place),
+            2 => Self::Lost(image, count),
+            3 => Self::Frozen(image),
+            4 => Self::Repeated(image),
+            5 => Self::Skipped(image, count),
+            _ => Self::Swapped(image),
         }
     }
 
-    /// Pose and step of the images of a window that begins with a step.
-    fn places(self, first_step: usize, images: usize) -> Places {
+    /// Origins of the images of a window that starts with `first_step`.
+    fn origins(self, first_step: usize, images: usize) -> Origins {
         let at = |pose: usize, step: usize| [pose, first_step + step];
         (0..images)
             .map(|i| match self {
@@ -97,7 +96,7 @@ impl Injection {
 }
 
 impl MovingScene {
-    /// An object that moves by so many millimetres an image, for so many images.
+    /// Renders an object that moves by `mm_per_image`, at `poses` poses.
     pub(crate) fn new(object: Object, size_px: [usize; 2], mm_per_image: f64, poses: usize, noise: NoiseLevel) -> Self {
         let focal_px = Arrangement::TABLE_TOP.camera_focal_px * FULL_WIDTH_PX / size_px[0] as f64;
         let arrangement = Arrangement { camera_focal_px: focal_px, ..Arrangement::TABLE_TOP };
@@ -106,8 +105,9 @@ impl MovingScene {
         let cam1_from_volume = *rig.exact_volume.cam1_from_volume();
         let resting = Scene::from_object(object, Board::Visible, &rig.exact_volume);
         let at = |pose: usize| -> Scene {
-            let way = Vector3::from(DIRECTION).normalize() * (mm_per_image * 1e-3 * (pose as f64 - poses as f64 / 2.0));
-            let moved: Pose = cam1_from_volume * Translation3::from(way) * cam1_from_volume.inverse();
+            let offset =
+                Vector3::from(DIRECTION).normalize() * (mm_per_image * 1e-3 * (pose as f64 - poses as f64 / 2.0));
+            let moved: Pose = cam1_from_volume * Translation3::from(offset) * cam1_from_volume.inverse();
             resting.clone().at(moved * resting.cam1_from_object())
         };
         // At rest all poses are the same.
@@ -117,7 +117,7 @@ impl MovingScene {
         Self { rig, views, noise }
     }
 
-    /// The images of a window of a camera, 0 or 1; the seed makes the noise.
+    /// The images of a window of a camera, 0 or 1. The seed determines the noise.
     pub(crate) fn window(
         &self,
         camera: usize,
@@ -128,25 +128,25 @@ impl MovingScene {
     ) -> Vec<GreyImage> {
         let images = steps + usual_extra_images(steps);
         let sensor = Sensor::exposed(self.noise.noise(), 1.0);
-        let of = |[pose, step]: [usize; 2]| {
+        let image_at = |[pose, step]: [usize; 2]| {
             let shift_rad = shifts_rad(steps)[step % steps];
             let pattern = Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
             let views = &self.views[camera];
             let view = &views[pose.min(views.len() - 1)];
-            // The same exposure has the same noise.
+            // An exposure that is delivered twice has the same noise both times.
             sensor.image(view, &pattern, ImageSeed { seed, camera: camera as u8, image: pose as u32 })
         };
-        injection.places(first_step, images).into_iter().map(of).collect()
+        injection.origins(first_step, images).into_iter().map(image_at).collect()
     }
 }
 
-/// Evenly spaced shifts of a cycle, rad.
+/// Evenly spaced phase shifts of a cycle, rad.
 pub(crate) fn shifts_rad(steps: usize) -> Vec<f64> {
     (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
-/// What the images of a window tell.
-pub(crate) fn told(
+/// The fault that the images of a window show.
+pub(crate) fn find_fault(
     window: &[GreyImage],
     size_px: [usize; 2],
     steps: usize,
@@ -157,7 +157,7 @@ pub(crate) fn told(
     check.find_fault(&levels, size_px[0], size_px[1], &Validity::default())
 }
 
-/// Median motion of a window in which nothing is wrong, rad an image.
+/// Median motion of a window without a fault, rad per image.
 pub(crate) fn motion_rad(window: &[GreyImage], size_px: [usize; 2], steps: usize, first_step: usize) -> f64 {
     let shifts: Vec<f64> = shifts_rad(steps).into_iter().cycle().skip(first_step % steps).take(window.len()).collect();
     let fit = MotionFit::new(&shifts).unwrap();
@@ -166,7 +166,7 @@ pub(crate) fn motion_rad(window: &[GreyImage], size_px: [usize; 2], steps: usize
     f64::from(map.motion.unwrap().median_rad)
 }
 
-/// Random numbers.
-pub(crate) fn random(seed: u64) -> ChaCha8Rng {
+/// Random numbers for a seed.
+pub(crate) fn seeded_rng(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }

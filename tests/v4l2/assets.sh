@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
-# Makes what the virtual machine boots: the kernel of this Debian, and an initramfs with busybox, `init`, and the modules vivid
-# and v4l2loopback with all they need. Nothing is installed: packages are downloaded and unpacked, and no root is needed.
-# Usage: assets.sh FOLDER; prints the folder that holds `kernel` and `initramfs`, one for each version of the kernel and of
-# this recipe. What is there already is not made again.
+# Makes kernel and initramfs for the virtual machine: the kernel of this Debian release, and an initramfs with busybox,
+# `init`, and the modules vivid and v4l2loopback with their dependencies. Downloads and unpacks packages, installs
+# nothing, and needs no root.
+# Usage: assets.sh FOLDER; prints the folder with `kernel` and `initramfs`. There is one for each version of the kernel
+# and of this recipe; an existing one is reused.
 set -euo pipefail
 folder=$(realpath --canonicalize-missing "${1:?usage: assets.sh FOLDER}")
 cd "$(dirname "$0")"
 
-export PATH=$PATH:/usr/sbin:/sbin # where depmod is; not everyone has it there
+export PATH=$PATH:/usr/sbin:/sbin # for depmod; not in every user's PATH
 readonly BOOT_MODULES=(virtio_pci 9pnet_virtio 9p) # loaded by init
-readonly TEST_MODULES=(vivid videodev)             # the tests load what they need, after what it depends on
+readonly TEST_MODULES=(vivid videodev)             # init loads their dependencies, the tests load the drivers
 readonly UNUSED=(drivers/net drivers/gpu drivers/infiniband drivers/scsi drivers/iio sound)
 recipe=$(cat assets.sh init | sha256sum | cut -c 1-8)
 
@@ -18,22 +19,23 @@ fail() {
     exit 1
 }
 
-# A command whose output matters only if it fails.
+# Runs a command and prints its output only if it fails.
 quietly() {
     "$@" >"$work/output.txt" 2>&1 || { cat "$work/output.txt" >&2; fail "failed: $*"; }
 }
 
-# Nothing where apt has no lists.
+# Prints the version of the kernel; nothing if apt has no package lists.
 kernel_version() {
     { apt-cache depends linux-image-amd64 2>/dev/null || true; } | sed -n 's/^ *Depends: linux-image-//p' | head -n 1
 }
 
-# Lists of our own: the machine's are empty in a fresh container, or too old to download by, and only root may renew them.
+# Uses separate apt package lists. Those of the machine may be empty (in a fresh container) or too old, and only root
+# can update them.
 use_own_lists() {
     mkdir -p "$work/lists/partial"
     printf 'Dir::State::lists "%s";\nDir::Cache::pkgcache "";\nDir::Cache::srcpkgcache "";\n' "$work/lists" >"$work/apt.conf"
     export APT_CONFIG=$work/apt.conf
-    # One of several sources may fail and not be needed; what is missing shows below.
+    # A failing source may not be needed. If it is, the download below fails.
     apt-get update -qq >"$work/output.txt" 2>&1 || cat "$work/output.txt" >&2
     version=$(kernel_version)
     [ -n "$version" ] || fail "apt knows no linux-image-amd64: the package sources need Debian's main archive"
@@ -61,7 +63,7 @@ unpack_all() {
         package=${package##*/}
         unpack "${package%%_*}"
     done
-    # Where /lib is part of /usr.
+    # If /lib is part of /usr.
     [ -e "$work/root/lib" ] || ln -s usr/lib "$work/root/lib"
 }
 
@@ -74,7 +76,7 @@ build_v4l2loopback() {
     cp "${source[0]}/v4l2loopback.ko" "$work/initramfs/modules/"
 }
 
-# Copies modules with all that they need; prints their files in the order in which they load.
+# Copies modules with their dependencies. Prints their files in load order.
 copy_modules() {
     local verb path file
     printf '%s\n' "$@" | xargs -n 1 modprobe --dirname "$work/root" --set-version "$version" --show-depends |
@@ -102,7 +104,7 @@ make_initramfs() {
     install init "$work/initramfs/init"
 }
 
-# What is made appears under its name when it is whole: a build that is killed leaves nothing that looks finished.
+# Moves the result to its final folder only when complete, so an interrupted build leaves nothing that looks finished.
 publish() {
     local made
     made=$(mktemp --directory "$folder/.made.XXXXXX")
@@ -119,18 +121,18 @@ if ! command -v apt-get >/dev/null || [ "$(dpkg --print-architecture)" != amd64 
     fail "the virtual machine needs a Debian kernel: run this test on Debian for amd64, 12 or later"
 fi
 mkdir -p "$folder"
-# Tests may ask for it side by side; the first makes it, the others wait.
+# Several tests may run this at once: the first one builds, the others wait.
 exec 9>"$folder/lock"
 flock 9
 
 version=$(kernel_version)
 if [ -z "$version" ]; then
-    # Without lists, what was made before is good enough.
+    # Without package lists, use the newest existing result.
     newest=$(find "$folder" -maxdepth 1 -name "[0-9]*-$recipe" | sort --version-sort | tail -n 1)
     [ -z "$newest" ] || { echo "$newest"; exit 0; }
 fi
 print_if_there
-# Not below the folder: its path may hold spaces, which the kernel's Makefile does not take.
+# Not inside the folder: its path may contain spaces, which the kernel's Makefile does not accept.
 work=$(mktemp --directory)
 trap 'rm -rf "$work"' EXIT
 mkdir "$work"/{packages,root}

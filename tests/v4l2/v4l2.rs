@@ -1,45 +1,46 @@
-//! Capture from real V4L2 devices. They live in a small virtual machine, which boots Debian's kernel and this repository's
-//! programs on the host's root: vivid simulates cameras with all their faults, v4l2loopback carries given images.
+//! Capture from V4L2 devices in a small virtual machine. It boots Debian's kernel and runs this repository's programs
+//! on the host's root. The driver vivid simulates cameras and their faults; v4l2loopback delivers given images.
 //!
-//! On the host the tests here boot the machine and wait for its result. In it this same executable runs the tests of
-//! [`guest`], which are ignored on the host:
+//! On the host, these tests boot the machine and wait for its result. In the machine, the same executable runs the
+//! tests of [`guest`], which are ignored on the host:
 //!
-//! | boot | devices | shows |
+//! | boot | devices | tests |
 //! |---|---|---|
-//! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of what is dropped |
-//! | `guest::faults` | up to twelve vivid cameras | every error that vivid can inject, twenty times; signals |
-//! | `guest::loopback` | two v4l2loopback devices, fed with images of the virtual scanner | the same clouds as from files; JPEG; cost |
+//! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of dropped images |
+//! | `guest::faults` | up to twelve vivid cameras | each error that vivid can inject, twenty times; signals |
+//! | `guest::loopback` | two v4l2loopback devices | the same clouds as from files; JPEG; cost |
 //!
-//! Nothing about rates or latencies is asserted: the machine is emulated, and slow.
+//! The loopback devices deliver images of the virtual scanner. Rates and latencies are not asserted: the machine is
+//! emulated and slow.
 
 // A helper that cannot prepare its test fails it.
 #![allow(clippy::unwrap_used, clippy::panic)]
-// What a test measures or says when it fails belongs on standard error.
+// Tests print measurements and failures to standard error.
 #![allow(clippy::print_stderr)]
 
 mod guest;
 mod machine;
 mod scenes;
-// The guest does not need all of it.
+// The guest uses only part of it.
 #[allow(dead_code)]
 #[path = "../../services/fringeflow/tests/live/support/mod.rs"]
 mod support;
 
 #[test]
 fn images_of_vivid_cameras() {
-    machine::run("guest::images", scenes::make);
+    machine::run("guest::images", scenes::make_scenes);
 }
 
 #[test]
 fn faults_of_vivid_cameras() {
-    machine::run("guest::faults", scenes::make);
+    machine::run("guest::faults", scenes::make_scenes);
 }
 
 #[test]
 fn the_pipeline_on_loopback_cameras() {
     machine::run("guest::loopback", |share| {
-        scenes::make(share);
-        scenes::make_of_size(share, guest::SIZE_OF_CAMERAS);
-        scenes::make_of_size(share, guest::SIZE_OF_JPEG);
+        scenes::make_scenes(share);
+        scenes::make_scene_of_size(share, guest::SIZE_OF_CAMERAS);
+        scenes::make_scene_of_size(share, guest::SIZE_OF_JPEG);
     });
 }

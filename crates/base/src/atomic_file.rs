@@ -1,4 +1,4 @@
-//! Atomic writes: a file is written under a temporary name, synchronized, and renamed.
+//! Atomic writes: a file is written under a temporary name, synchronized to the disk, and then renamed.
 
 use std::fs::{File, Permissions};
 use std::io::{self, BufWriter, Write};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{NamedTempFile, PersistError};
 
-/// Why a file could not be written. A file that stood at the path is untouched.
+/// Why a file could not be written. An existing file at the path stays unchanged.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct WriteError {
@@ -22,13 +22,13 @@ pub struct WriteError {
 #[derive(Debug, thiserror::Error)]
 pub enum WriteProblem {
     /// A file exists that must not be replaced.
-    #[error("already exists; give another name, or remove it first")]
+    #[error("already exists; choose another name or remove it first")]
     Exists,
     /// The path is a folder.
-    #[error("is a folder; give the path of a file")]
+    #[error("is a folder; a file path is expected")]
     IsAFolder,
     /// The path is a device, a pipe or a socket, which a file must not replace.
-    #[error("is a device or a pipe; give the path of a file")]
+    #[error("is a device or a pipe; a file path is expected")]
     IsSpecial,
     /// The parent folder does not exist.
     #[error("cannot be written: the folder {} does not exist; create it first", .0.display())]
@@ -41,11 +41,11 @@ pub enum WriteProblem {
     Io(#[source] io::Error),
 }
 
-/// Writes a file through `write`. The path changes only after all bytes are on the disk.
+/// Writes a file with the function `write`. The file at the path is replaced only after all bytes are on the disk.
 ///
 /// # Errors
-/// [`WriteError`]: the path is a folder, its parent folder is missing or not writable, or the disk is full. A file that
-/// stood at the path stays as it was.
+/// [`WriteError`]: the path is a folder, its parent folder is missing or not writable, or the disk is full. An existing
+/// file at the path stays unchanged.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -53,10 +53,10 @@ pub fn write_atomically(
     write_and_name(path, write, |temporary| temporary.persist(path))
 }
 
-/// [`write_atomically`] for a file that must not replace another.
+/// Writes a file as [`write_atomically`] does, but never replaces an existing file.
 ///
 /// # Errors
-/// As [`write_atomically`], and [`WriteProblem::Exists`].
+/// Those of [`write_atomically`], and [`WriteProblem::Exists`].
 pub fn write_new(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> Result<(), WriteError> {
     write_and_name(path, write, |temporary| temporary.persist_noclobber(path))
 }
@@ -81,7 +81,8 @@ fn write_and_name(
     write_to_temporary().map_err(|e| fail(problem_of(e)))
 }
 
-/// A file that is written step by step. [`Self::finish`] gives it its name; dropped before, it leaves nothing behind.
+/// A file that is written step by step. It appears under its name with [`Self::finish`]; if it is dropped before, it is
+/// deleted.
 #[derive(Debug)]
 pub struct PendingFile {
     path: PathBuf,
@@ -89,7 +90,7 @@ pub struct PendingFile {
 }
 
 impl PendingFile {
-    /// Begins a file.
+    /// Creates the temporary file.
     ///
     /// # Errors
     /// As [`write_atomically`].
@@ -100,7 +101,7 @@ impl PendingFile {
         Ok(Self { path: path.to_owned(), out: BufWriter::new(temporary) })
     }
 
-    /// Synchronizes the file and gives it its name.
+    /// Synchronizes the file to the disk and renames it to its final name.
     ///
     /// # Errors
     /// As [`write_atomically`].
@@ -115,7 +116,7 @@ impl PendingFile {
         finish().map_err(|e| WriteError { path: path.clone(), problem: problem_of(e) })
     }
 
-    /// The error of a failed write to `path`.
+    /// Returns the error for a failed write to `path`.
     #[must_use]
     pub fn error(path: &Path, error: io::Error) -> WriteError {
         WriteError { path: path.to_owned(), problem: problem_of(error) }
@@ -139,17 +140,17 @@ fn temporary_in(folder: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-/// Checks that a path can be written, before the work that produces its content.
+/// Checks that a path can be written, before the content is computed.
 ///
 /// # Errors
-/// As [`write_atomically`], as far as they can be known before writing.
+/// Those of [`write_atomically`] that can be found without writing the content.
 pub fn check_writable(path: &Path) -> Result<(), WriteError> {
     let fail = |problem| WriteError { path: path.to_owned(), problem };
     let folder = check_target(path).map_err(fail)?;
     tempfile::tempfile_in(folder).map(drop).map_err(|e| fail(problem_of(e)))
 }
 
-/// The folder of a file to be written.
+/// Returns the folder that will contain the file, or the reason why the file cannot be written.
 fn check_target(path: &Path) -> Result<&Path, WriteProblem> {
     if path.is_dir() {
         return Err(WriteProblem::IsAFolder);
@@ -191,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_file_replaces_nothing() {
+    fn write_new_never_replaces_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("report.html");
         write_new(&path, |out| out.write_all(b"first")).unwrap();
@@ -202,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pending_file_gets_its_name_only_at_the_end() {
+    fn a_pending_file_appears_only_when_it_is_finished() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trace.json");
         let mut pending = PendingFile::begin(&path).unwrap();
@@ -215,11 +216,11 @@ mod tests {
     }
 
     #[test]
-    fn folders_and_devices_are_no_targets() {
+    fn folders_and_devices_are_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let problem = |path: &Path| write_atomically(path, |_| Ok(())).unwrap_err().problem;
         assert!(matches!(problem(folder.path()), WriteProblem::IsAFolder));
-        // Replacing a device would harm everybody who uses it.
+        // Replacing a device would break it for all programs.
         assert!(matches!(check_writable(Path::new("/dev/null")).unwrap_err().problem, WriteProblem::IsSpecial));
         assert!(matches!(problem(&folder.path().join("missing/cloud.ply")), WriteProblem::NoFolder(_)));
     }

@@ -1,7 +1,7 @@
 //! Grey levels: storage and unit.
 //!
-//! The unit of a grey level is that of 8-bit images at every depth: a value of b bits counts value · 2^(8 − b) grey
-//! levels. So thresholds, modulation, mean and noise mean the same for every camera; deeper images only have finer
+//! Grey levels have the same unit at every bit depth: that of 8-bit images. A value of b bits is value · 2^(8 − b) grey
+//! levels. So thresholds, modulation, mean and noise are comparable between cameras; deeper images only have finer
 //! fractions.
 
 /// Format of the images in the channels: one grey level per pixel, rows without gaps.
@@ -24,7 +24,7 @@ impl PixelFormat {
     /// All formats.
     pub const ALL: [Self; 5] = [Self::Grey, Self::Y10, Self::Y12, Self::Y14, Self::Y16];
 
-    /// V4L2's name.
+    /// Name in V4L2.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -36,7 +36,7 @@ impl PixelFormat {
         }
     }
 
-    /// V4L2's code.
+    /// FourCC code in V4L2.
     #[must_use]
     pub fn code(self) -> u32 {
         u32::from_le_bytes(*match self {
@@ -48,19 +48,19 @@ impl PixelFormat {
         })
     }
 
-    /// The format with a V4L2 code; `None` for an unknown code.
+    /// Returns the format with this V4L2 code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 
-    /// The format with this number of bits per value; `None` if there is none.
+    /// Returns the format with this number of bits per value; `None` if there is none.
     #[must_use]
     pub fn from_bits(bits: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.bits() == bits)
     }
 
-    /// Bits of a value.
+    /// Number of bits of a value.
     #[must_use]
     pub fn bits(self) -> u8 {
         match self {
@@ -72,7 +72,7 @@ impl PixelFormat {
         }
     }
 
-    /// Bytes from one pixel to the next.
+    /// Number of bytes of a pixel.
     #[must_use]
     pub fn bytes(self) -> usize {
         if self == Self::Grey { 1 } else { 2 }
@@ -84,7 +84,8 @@ impl PixelFormat {
         1.0 / (1_u32 << (self.bits() - 8)) as f32
     }
 
-    /// Format of binned images: sums over squares with sides of `binning` pixels; with 16 bits, means.
+    /// Format of binned images. A binned value is the sum over a square with sides of `binning` pixels; with 16 bits,
+    /// the mean.
     #[must_use]
     pub fn binned(self, binning: usize) -> Self {
         match (binning, self) {
@@ -103,17 +104,17 @@ impl PixelFormat {
     }
 }
 
-/// The values of an image as they lie in memory, row by row without gaps.
+/// The values of an image in memory, row by row without gaps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GreyLevels<'a> {
-    /// Their format.
+    /// Format of the values.
     pub format: PixelFormat,
-    /// Their bytes.
+    /// Bytes of the values.
     pub bytes: &'a [u8],
 }
 
 impl<'a> GreyLevels<'a> {
-    /// Values of 8 bits.
+    /// Creates 8-bit grey levels.
     #[must_use]
     pub fn eight_bit(bytes: &'a [u8]) -> Self {
         Self { format: PixelFormat::Grey, bytes }
@@ -125,7 +126,7 @@ impl<'a> GreyLevels<'a> {
         self.bytes.len() / self.format.bytes()
     }
 
-    /// Grey level of a pixel below [`Self::pixels`].
+    /// Grey level of a pixel. The index must be less than [`Self::pixels`].
     #[must_use]
     pub fn grey(self, pixel: usize) -> f32 {
         match self.format {

@@ -1,4 +1,4 @@
-//! Types that every other crate may use: grey levels, limits, outcomes of pixels, atomic writes, PNG encoding.
+//! Shared by all other crates: grey levels, limits, outcomes of pixels, atomic writes, PNG encoding.
 //!
 //! ```text
 //! base ◄── message ◄── transport ◄── services

@@ -1,8 +1,8 @@
-//! Limits that the method, messages and configurations share.
+//! Limits shared by the method, messages and configurations.
 
-/// Fewest phase shifts that determine offset, modulation and phase.
+/// Minimum number of phase shifts needed to determine offset, modulation and phase.
 pub const MIN_STEPS: usize = 3;
-/// Most phase shifts of a sequence.
+/// Maximum number of phase shifts of a sequence.
 pub const MAX_STEPS: usize = 16;
-/// Most images of a window: a cycle of the longest sequence and the extra images for motion.
+/// Maximum number of images of a window: a cycle of the longest sequence, and the extra images for motion compensation.
 pub const MAX_IMAGES: usize = 24;

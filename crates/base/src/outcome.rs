@@ -1,8 +1,8 @@
-//! Outcomes of the pixels of C1.
+//! Outcomes of the pixels of camera 1 (C1).
 
-/// How a pixel of C1 got its correspondence, or why it has none.
+/// How the correspondence of a pixel of C1 was found, or why the pixel has none.
 ///
-/// The first five yield a point; exported clouds hold their codes as `stage`.
+/// Pixels with one of the first five outcomes have a point. Exported clouds contain the code of the outcome as `stage`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Outcome {
@@ -14,20 +14,20 @@ pub enum Outcome {
     Unique = 2,
     /// One of several candidates, chosen along the epipolar direction by Eq. (2) (paper, 2.2.2).
     AlongEpipolar = 3,
-    /// One of several candidates, chosen with neighbours across the epipolar direction as well (paper, 2.2.3), or along
-    /// all paths of the semi-global resolution.
+    /// One of several candidates, chosen with neighbours along and across the epipolar direction (paper, 2.2.3), or
+    /// along all paths of the semi-global resolution.
     AcrossEpipolar = 4,
-    /// No phase: too little modulation, saturated, or no sinusoid.
+    /// No phase: the modulation is too low, a sample is saturated, or the samples are no sinusoid.
     Invalid = 16,
     /// The ray or the point misses the measurement volume, or the epipolar segment lies outside the image of C2.
     OutsideVolume = 17,
-    /// No point of the segment has the phase of the pixel.
+    /// No point of the epipolar segment has the phase of the pixel.
     NoCandidate = 18,
     /// All candidates fail the back-projection test.
     RejectedByDelta = 19,
     /// Candidates remain, but nothing decides between them.
     Ambiguous = 20,
-    /// Contradicted by other correspondences: monotony, or another fringe order at the same point of C2.
+    /// Contradicts other correspondences: by monotony, or by another fringe order at the same point of C2.
     Contradicted = 21,
 }
 
@@ -47,7 +47,7 @@ impl Outcome {
         Self::Contradicted,
     ];
 
-    /// The outcome with a code; `None` for an unknown code.
+    /// Returns the outcome with this code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.into_iter().find(|outcome| *outcome as u8 == code)
@@ -87,8 +87,8 @@ impl OutcomeCounts {
     /// Counts the outcomes of an image.
     #[must_use]
     pub fn from_outcomes(outcomes: &[Outcome]) -> Self {
-        // Four sets of counters in turn: neighbours mostly have the same outcome, and increments of one counter would
-        // wait for each other.
+        // Four sets of counters, used in turn: neighbours mostly have the same outcome, and consecutive increments of
+        // one counter would have to wait for each other.
         let mut by_code = [[0_u64; 256]; 4];
         let (fours, rest) = outcomes.as_chunks();
         for four in fours.iter().map(<[Outcome; 4]>::as_slice).chain([rest]) {

@@ -19,7 +19,7 @@ pub fn encode(
     writer.finish().map_err(io_error)
 }
 
-/// Keeps the error of the operating system, so that a full disk is still recognized.
+/// Converts an encoding error. An error of the operating system is kept, so that the caller recognizes a full disk.
 fn io_error(error: png::EncodingError) -> io::Error {
     match error {
         png::EncodingError::IoError(e) => e,

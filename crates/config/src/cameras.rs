@@ -1,4 +1,4 @@
-//! `[cameras]`: the source of images, and for V4L2 devices their names and settings.
+//! `[cameras]`: the source of images; for V4L2 devices, their names and settings.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,9 +11,9 @@ use fringeflow_pixels::SourceFormat;
 use super::ConfigurationProblem;
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
 
-/// Shortest default time after which a silent camera counts as stalled, milliseconds.
+/// Minimum default time without an image after which a camera counts as stalled, milliseconds.
 const TIMEOUT_MS: u64 = 1000;
-/// The same in frame periods; the longer one applies.
+/// The same in frame periods. The longer time applies.
 const TIMEOUT_PERIODS: f64 = 10.0;
 
 /// Source of the images.
@@ -32,17 +32,17 @@ pub enum CameraSource {
 pub struct V4l2Camera {
     /// The device.
     pub device: DeviceName,
-    /// Buffers that driver and service share.
+    /// Number of buffers that the driver and the service share.
     pub buffers: u32,
-    /// Silence after which a free-running camera counts as stalled, nanoseconds.
+    /// Time without an image after which a free-running camera counts as stalled, nanoseconds.
     pub timeout_ns: u64,
     /// What starts an exposure.
     pub trigger: Trigger,
-    /// The moment that the driver's time stamps mark.
+    /// The moment that the time stamps of the driver mark.
     pub stamp: StampMoment,
-    /// Exposure time, nanoseconds; `None`: the value that the device reports.
+    /// Exposure time, nanoseconds; `None` to use the value that the device reports.
     pub exposure_ns: Option<u64>,
-    /// From the end of the exposure to a time stamp at the end of an image, nanoseconds.
+    /// Time from the end of the exposure to a time stamp at the end of an image, nanoseconds.
     pub readout_ns: u64,
     /// Whether the service sets the frame rate of the device.
     pub set_rate: bool,
@@ -63,11 +63,11 @@ pub enum DeviceName {
     Serial(String),
 }
 
-/// A text that is no device name.
+/// A text that is not a device name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{name:?} names no device; write a path (\"/dev/video0\", \"/dev/v4l/by-id/…\"), \"bus:\" and a V4L2 bus_info, \
-     or \"serial:\" and a USB serial number; `fringeflow cameras` lists them"
+    "{name:?} is not a device name; write a path (\"/dev/video0\", \"/dev/v4l/by-id/…\"), \"bus:\" and a V4L2 \
+     bus_info, or \"serial:\" and a USB serial number; `fringeflow cameras` lists the devices"
 )]
 pub struct DeviceNameError {
     /// The text.
@@ -79,25 +79,25 @@ pub struct DeviceNameError {
 pub enum Trigger {
     /// The camera itself, at its own rate.
     Free,
-    /// An external signal: silence is no fault.
+    /// An external signal. A period without images is not a fault.
     External,
 }
 
 /// The moment that a time stamp marks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StampMoment {
-    /// As the driver reports for each image.
+    /// The moment that the driver reports for each image.
     Driver,
     /// Start of exposure.
     Start,
-    /// End of the image: exposure and readout are over.
+    /// End of the image, after exposure and readout.
     End,
 }
 
 /// Timings of a digital video signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VideoTimings {
-    /// The timings of the signal at the device.
+    /// Use the timings of the signal at the device.
     Detect,
     /// A signal of this size and rate.
     Signal {
@@ -114,7 +114,7 @@ pub enum VideoTimings {
 pub enum ControlValue {
     /// A number; for a menu, the index of an item.
     Number(i64),
-    /// On or off; true presses a button.
+    /// On or off. `true` presses a button.
     Switch(bool),
     /// A text; for a menu, the name of an item.
     Text(String),
@@ -165,7 +165,7 @@ impl fmt::Display for ControlValue {
     }
 }
 
-/// Reads the source of the images; `rate_hz` was checked.
+/// Reads the source of the images. `rate_hz` is already checked.
 pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSource, ConfigurationProblem> {
     #[derive(Clone, Copy)]
     enum Source {
@@ -178,7 +178,7 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
         _ => Err(ConfigurationProblem::Value {
             key: "cameras.source",
             value: format!("{:?}", raw.source),
-            expected: "[cameras.cam1] and [cameras.cam2] belong to \"v4l2\" alone: leave them out, or use that source",
+            expected: "only the source \"v4l2\" has [cameras.cam1] and [cameras.cam2]: remove them, or use that source",
         }),
     };
     let known = [("virtual", Source::Virtual), ("external", Source::External), ("v4l2", Source::V4l2)];
@@ -189,11 +189,11 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
     }
 }
 
-/// The source format with this name.
+/// Returns the source format with this name.
 pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
     let Some(name) = name else { return Ok(SourceFormat::Grey) };
     match source {
-        // These sources write their images into the channels themselves, in one of the channels' formats.
+        // These sources write their images into the channels themselves, in one of the formats of the channels.
         CameraSource::Virtual | CameraSource::External => {
             let formats = PixelFormat::ALL.map(|format| (format.name(), SourceFormat::from(format)));
             one_of("cameras.format", name, &formats)
@@ -208,7 +208,7 @@ pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result
 fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], ConfigurationProblem> {
     let missing = |key| ConfigurationProblem::Missing {
         key,
-        expected: "a table with device names the V4L2 device; `fringeflow cameras` lists them",
+        expected: "it must be a table whose key device names a V4L2 device; `fringeflow cameras` lists the devices",
     };
     let camera = |camera, raw| {
         let in_table = |problem| ConfigurationProblem::Camera { camera, problem: Box::new(problem) };
@@ -220,7 +220,7 @@ fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], Configuration
         return Err(ConfigurationProblem::Value {
             key: "cameras.cam2.device",
             value: format!("\"{}\"", cam2.device),
-            expected: "that is the device of camera 1; name another one",
+            expected: "this is also the device of camera 1; use another one",
         });
     }
     Ok([cam1, cam2])
@@ -263,7 +263,7 @@ fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, Configur
     })
 }
 
-/// A duration given in microseconds.
+/// Converts a duration in microseconds to nanoseconds.
 fn nanoseconds(key: &'static str, us: f64) -> Result<u64, ConfigurationProblem> {
     let us = checked(key, us, |v| (0.0..=1e7).contains(v), "it must lie between 0 and 10000000 µs")?;
     Ok((us * 1e3).round() as u64)
@@ -282,7 +282,7 @@ fn video_timings(word: &str) -> Result<VideoTimings, ConfigurationProblem> {
     timings.ok_or_else(|| ConfigurationProblem::Value {
         key: "video_timings",
         value: format!("{word:?}"),
-        expected: "it must be \"detect\", or size and rate of a signal, for example \"1280x1024@60\"",
+        expected: "it must be \"detect\", or the size and rate of a signal, for example \"1280x1024@60\"",
     })
 }
 
@@ -292,7 +292,7 @@ fn control((name, value): (&String, &toml::Value)) -> Result<(String, ControlVal
         toml::Value::Boolean(is_on) => ControlValue::Switch(*is_on),
         toml::Value::String(text) => ControlValue::Text(text.clone()),
         other => {
-            let problem = format!("{name} is {other}; a control is a whole number, true or false, or a text");
+            let problem = format!("{name} is {other}; a control must be an integer, a boolean or a string");
             return Err(ConfigurationProblem::Named { key: "controls", problem });
         }
     };
@@ -306,10 +306,10 @@ mod tests {
     use super::*;
     use crate::ScannerConfiguration;
 
-    const TWO: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
+    const TWO_DEVICES: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 5.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                        [cameras.cam2]\ndevice = \"serial:7\"\n";
 
-    /// The required keys of the example; all its other keys state defaults.
+    /// The required keys of the example. All its other keys state defaults.
     const REQUIRED: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 30.0\n[cameras.cam1]\ndevice = \"/dev/video0\"\n\
                             [cameras.cam2]\ndevice = \"/dev/video2\"\n[pattern]\nsteps = 4\nperiod_px = 16.0\n[rig]\n\
                             calibration = \"rigs/scanner.yml\"\nunit = \"mm\"\n[measurement_volume]\nunit = \"mm\"\n\
@@ -332,7 +332,7 @@ mod tests {
 
     #[test]
     fn a_device_alone_gets_the_defaults() {
-        let [cam1, cam2] = cameras(TWO).unwrap();
+        let [cam1, cam2] = cameras(TWO_DEVICES).unwrap();
         assert_eq!(cam1.device, DeviceName::Path("/dev/video0".into()));
         assert_eq!(cam2.device, DeviceName::Serial("7".into()));
         let same = V4l2Camera { device: cam2.device.clone(), ..cam1.clone() };
@@ -349,7 +349,7 @@ mod tests {
         let keys = "buffers = 16\ntimeout_ms = 250\ntrigger = \"external\"\nstamp = \"end\"\nexposure_us = 8333.5\n\
                     readout_us = 20\nset_rate = false\nvideo_timings = \"1280x1024@59.94\"\n[cameras.cam2.controls]\n\
                     gain = 4\nauto_exposure = \"Manual Mode\"\nhorizontal_flip = true\n";
-        let [_, cam2] = cameras(&format!("{TWO}{keys}")).unwrap();
+        let [_, cam2] = cameras(&format!("{TWO_DEVICES}{keys}")).unwrap();
         assert_eq!((cam2.buffers, cam2.timeout_ns), (16, 250_000_000));
         assert_eq!((cam2.trigger, cam2.stamp, cam2.set_rate), (Trigger::External, StampMoment::End, false));
         assert_eq!((cam2.exposure_ns, cam2.readout_ns), (Some(8_333_500), 20_000));
@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn invalid_values_are_named_with_their_camera() {
-        let with = |line: &str| cameras(&format!("{TWO}{line}\n")).unwrap_err();
+        let with = |line: &str| cameras(&format!("{TWO_DEVICES}{line}\n")).unwrap_err();
         assert_eq!(with("buffers = 1"), "in [cameras.cam2]: key buffers is 1; it must lie between 2 and 32");
         assert!(with("timeout_ms = 1").contains("key timeout_ms is 1;"));
         assert!(with("exposure_us = -1.0").contains("key exposure_us is -1;"));
@@ -369,29 +369,31 @@ mod tests {
         assert!(with("stamp = \"middle\"").contains("[\"driver\", \"start\", \"end\"]"));
         assert!(with("video_timings = \"1280@60\"").contains("\"1280x1024@60\""));
         assert!(with("buffer = 3").contains("buffer"));
-        assert!(with("[cameras.cam2.controls]\ngain = 1.5").contains("gain is 1.5; a control is a whole number"));
+        assert!(with("[cameras.cam2.controls]\ngain = 1.5").contains("gain is 1.5; a control must be an integer"));
     }
 
     #[test]
-    fn only_devices_send_formats_that_the_channels_lack() {
+    fn only_devices_may_send_formats_that_channels_do_not_have() {
         let format = |source: &str| {
-            let text = TWO.replace("rate_hz", "format = \"MJPG\"\nrate_hz");
+            let text = TWO_DEVICES.replace("rate_hz", "format = \"MJPG\"\nrate_hz");
             let text = if source == "v4l2" { text } else { text.replace("v4l2", source) };
             let text = if source == "v4l2" { text.as_str() } else { text.split("[cameras.cam1]").next().unwrap() };
             ScannerConfiguration::parse(text, Path::new("/")).map(|read| read.source_format)
         };
         assert_eq!(format("v4l2").unwrap(), SourceFormat::Mjpeg);
-        assert!(format("external").unwrap_err().to_string().contains("cameras.format is \"MJPG\"; known are"));
+        assert!(format("external").unwrap_err().to_string().contains("cameras.format is \"MJPG\"; it must be one of"));
     }
 
     #[test]
-    fn devices_must_have_two_different_names() {
-        let changed = |from: &str, to: &str| cameras(&TWO.replace(from, to)).unwrap_err();
-        assert!(changed("serial:7", "serial:").contains("in [cameras.cam2]: key device: \"serial:\" names no device"));
-        assert!(changed("serial:7", "video1").contains("\"video1\" names no device"));
-        assert!(changed("serial:7", "/dev/video0").contains("that is the device of camera 1"));
+    fn the_two_cameras_must_have_different_devices() {
+        let changed = |from: &str, to: &str| cameras(&TWO_DEVICES.replace(from, to)).unwrap_err();
+        assert!(
+            changed("serial:7", "serial:").contains("in [cameras.cam2]: key device: \"serial:\" is not a device name")
+        );
+        assert!(changed("serial:7", "video1").contains("\"video1\" is not a device name"));
+        assert!(changed("serial:7", "/dev/video0").contains("this is also the device of camera 1"));
         assert!(changed("[cameras.cam2]\ndevice = \"serial:7\"\n", "").contains("key cameras.cam2 is missing"));
-        assert!(changed("\"v4l2\"", "\"external\"").contains("belong to \"v4l2\" alone"));
+        assert!(changed("\"v4l2\"", "\"external\"").contains("only the source \"v4l2\" has"));
         assert!(changed("\"v4l2\"", "\"v4l\"").contains("[\"virtual\", \"external\", \"v4l2\"]"));
     }
 }

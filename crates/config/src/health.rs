@@ -5,10 +5,10 @@ use fringeflow_telemetry::health::{HealthLimits, Limits, Quantity};
 use super::ConfigurationProblem;
 use super::raw::{RawHealth, RawLimits, checked};
 
-/// Most windows in a level.
+/// Maximum number of windows in a level.
 const MAX_WINDOWS: usize = 1000;
 
-pub(super) fn health(raw: &RawHealth) -> Result<HealthLimits, ConfigurationProblem> {
+pub(super) fn health_limits(raw: &RawHealth) -> Result<HealthLimits, ConfigurationProblem> {
     let mut limits = HealthLimits::default();
     for quantity in Quantity::ALL {
         if let Some(given) = raw_limits(raw, quantity) {

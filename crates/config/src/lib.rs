@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! reconstruct.toml ──► Configuration (phase, correspondence, volume, health, tracking)
-//! scanner.toml     ──► ScannerConfiguration (the same, and rig, cameras, projector, recorder, monitor, processors)
+//! scanner.toml     ──► ScannerConfiguration (these and rig, cameras, projector, recorder, monitor, processors)
 //! ```
 //!
-//! Keys have their unit in their name. Unknown keys are refused. Every key of a [`Configuration`] is optional; the files in
-//! `configs/` explain all keys and state their defaults.
+//! Keys have their unit in their name. Unknown keys are refused. All keys of a [`Configuration`] are optional. The
+//! files in `configs/` explain all keys and state the defaults.
 //!
 //! ```
 //! use fringeflow_config::Configuration;
@@ -55,15 +55,15 @@ pub use scanner::{
 pub use tracking::{PriorSource, TrackingConfiguration};
 pub use virtual_scanner::{FaultsTable, SweepTable, VirtualScannerConfiguration, VirtualScannerTable};
 
-/// Most images of a window beyond a cycle: the longest window has 16 steps and these.
+/// Maximum number of images of a window beyond a cycle. The longest window has 16 phase steps and these images.
 const MAX_EXTRA_IMAGES: usize = 8;
 
 /// Contents of a configuration file, with defaults for absent keys.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Configuration {
-    /// How images become a point cloud.
+    /// Settings of the reconstruction.
     pub settings: Settings,
-    /// Measurement volume that replaces the one of the dataset or the recording.
+    /// Measurement volume; replaces that of the dataset or the recording.
     pub volume: Option<MeasurementVolume>,
     /// Limits of the health quantities.
     pub health: HealthLimits,
@@ -88,7 +88,7 @@ pub enum ConfigurationProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// It is not TOML, or has an unknown key or a wrong type.
+    /// The text is not TOML, or has an unknown key or a wrong type.
     #[error("is not a valid configuration: {0}")]
     Toml(String),
     /// An invalid value.
@@ -102,7 +102,7 @@ pub enum ConfigurationProblem {
         expected: &'static str,
     },
     /// An unknown word.
-    #[error("key {key} is {value:?}; known are {known:?}")]
+    #[error("key {key} is {value:?}; it must be one of {known:?}")]
     Word {
         /// Name of the key.
         key: &'static str,
@@ -111,7 +111,7 @@ pub enum ConfigurationProblem {
         /// The known words.
         known: Vec<&'static str>,
     },
-    /// A value that is described by the problem.
+    /// A problem that a text describes.
     #[error("key {key}: {problem}")]
     Named {
         /// Name of the key.
@@ -167,7 +167,7 @@ impl Configuration {
             .map_err(|problem| ConfigurationError { file: path.to_owned(), problem })
     }
 
-    /// [`Self::read`] on text that is already in memory.
+    /// [`Self::read`] for a text in memory.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
@@ -175,12 +175,12 @@ impl Configuration {
         Self::from_raw(&RawConfiguration::parse(text)?)
     }
 
-    /// [`Self::parse`] on the text of a recording, which may be older than this version.
+    /// [`Self::parse`] for the text in a recording, which may be older than this version.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str) -> Result<Self, ConfigurationProblem> {
-        Self::parse(&former::renamed(text)?)
+        Self::parse(&former::with_current_names(text)?)
     }
 
     fn from_raw(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {
@@ -192,7 +192,7 @@ impl Configuration {
         Ok(Self {
             settings,
             volume: raw.measurement_volume.as_ref().map(volume).transpose()?,
-            health: health::health(&raw.health)?,
+            health: health::health_limits(&raw.health)?,
             tracking: tracking::configuration(&raw.tracking)?,
         })
     }
@@ -224,7 +224,7 @@ fn validity(raw: &RawPhase) -> Result<Validity, ConfigurationProblem> {
 }
 
 fn extra_images(raw: &RawPhase) -> Result<Option<usize>, ConfigurationProblem> {
-    let expected = "it must lie between 0, for none, and 8";
+    let expected = "it must lie between 0 and 8";
     raw.extra_images.map(|extra| checked("phase.extra_images", extra, |v| *v <= MAX_EXTRA_IMAGES, expected)).transpose()
 }
 
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_volume_is_placed_in_metres() {
+    fn a_volume_is_converted_to_metres() {
         let text = "[measurement_volume]\nunit = \"mm\"\n[measurement_volume.box]\nR_v = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n\
                     T_v = [0, 0, 300]\nmin = [-50, -40, -12.5]\nmax = [50, 40, 12.5]\n";
         let volume = Configuration::parse(text).unwrap().volume.unwrap();

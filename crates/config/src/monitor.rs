@@ -9,26 +9,26 @@ use super::raw::RawMonitor;
 
 /// Default address of the dashboard.
 const DASHBOARD: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8780), is_default: true };
-/// Default address of the viewers' server: the port that the viewers propose.
+/// Default address of the server for viewers: the port that the viewers propose.
 const FOXGLOVE: Listen = Listen { address: SocketAddr::new(LOOPBACK, 8765), is_default: true };
 const LOOPBACK: std::net::IpAddr = std::net::IpAddr::V4(Ipv4Addr::LOCALHOST);
-/// Web pages that may connect to the viewers' server by default.
+/// Web pages that may connect to the server for viewers by default.
 const ORIGINS: [&str; 1] = ["https://app.foxglove.dev"];
 
 /// Configuration of the monitor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MonitorConfiguration {
-    /// Whether it runs.
+    /// Whether the monitor runs.
     pub is_enabled: bool,
     /// Address of dashboard and metrics.
     pub dashboard: Listen,
     /// Address for Foxglove, Lichtblick and Rerun; `None` switches it off.
     pub foxglove: Option<Listen>,
-    /// File with the token that clients on other machines must present.
+    /// File with the token that clients on other computers must present.
     pub token_file: Option<PathBuf>,
-    /// Host names under which clients may address this machine, besides its IP addresses.
+    /// Host names under which clients may address this computer, besides its IP addresses.
     pub host_names: Vec<String>,
-    /// Origins of web pages that may connect as viewers, besides this machine's.
+    /// Origins of web pages that may connect as viewers, besides those of this computer.
     pub foxglove_origins: Vec<String>,
 }
 
@@ -37,7 +37,8 @@ pub struct MonitorConfiguration {
 pub struct Listen {
     /// The address.
     pub address: SocketAddr,
-    /// A default address: if its port is taken, for example by another instance, any free port is used.
+    /// Whether it is the default address. If the port of a default address is taken, for example by another instance,
+    /// any free port is used.
     pub is_default: bool,
 }
 
@@ -59,14 +60,15 @@ pub(super) fn configuration(raw: &RawMonitor, folder: &Path) -> Result<MonitorCo
     if monitor.is_enabled && is_open && monitor.token_file.is_none() {
         return Err(ConfigurationProblem::Missing {
             key: "monitor.token_file",
-            expected: "clients on other machines must present a token: name a file with one of at least 16 characters",
+            expected: "clients on other computers must present a token: name a file with a token of at least 16 \
+                       characters",
         });
     }
     Ok(monitor)
 }
 
 impl MonitorConfiguration {
-    /// All addresses that it listens on.
+    /// All addresses that the monitor listens on.
     pub fn listens(&self) -> impl Iterator<Item = &Listen> {
         std::iter::once(&self.dashboard).chain(&self.foxglove)
     }
@@ -77,7 +79,8 @@ fn listen(key: &'static str, address: Option<&str>, default: Listen) -> Result<L
     let parsed = address.parse().map_err(|_| ConfigurationProblem::Value {
         key,
         value: format!("{address:?}"),
-        expected: "it must be an address and a port, for example \"127.0.0.1:8780\" or \"[::1]:8780\"; port 0 is any free one",
+        expected: "it must be an address and a port, for example \"127.0.0.1:8780\" or \"[::1]:8780\"; port 0 means \
+                   any free port",
     })?;
     Ok(Listen { address: parsed, is_default: false })
 }
@@ -92,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn by_default_it_listens_on_this_machine_only() {
+    fn by_default_it_listens_on_this_computer_only() {
         let monitor = parse("").unwrap();
         assert!(monitor.is_enabled && monitor.listens().count() == 2);
         assert!(monitor.listens().all(|listen| listen.address.ip().is_loopback() && listen.is_default));
@@ -100,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_for_others_needs_a_token() {
+    fn an_address_reachable_by_other_computers_needs_a_token() {
         let refused = parse("address = \"0.0.0.0:8780\"").unwrap_err();
         assert!(refused.contains("monitor.token_file is missing"), "{refused}");
         assert!(parse("foxglove = \"192.168.1.5:8765\"").is_err());

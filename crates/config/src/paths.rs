@@ -1,10 +1,11 @@
-//! Paths that a configuration file names: relative to its folder, and written as a person would.
+//! Resolves the paths in a configuration file, relative to its folder.
 
 use std::path::{Component, Path, PathBuf};
 
-/// A path of a configuration file in `folder`: without `.`, and without `..` where a folder stands before it.
+/// Resolves a path of a configuration file in `folder`. Removes `.`, and removes `..` together with the folder before
+/// it.
 ///
-/// A `..` behind a symbolic link stays, since it leads elsewhere.
+/// A `..` after a symbolic link stays, since it leads to the parent of the target.
 pub(super) fn in_folder(folder: &Path, path: &Path) -> PathBuf {
     let mut clean = PathBuf::new();
     for component in folder.join(path).components() {
@@ -41,7 +42,7 @@ mod tests {
     }
 
     #[test]
-    fn links_are_not_left_by_their_name() {
+    fn a_parent_after_a_link_stays() {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("configs");
         std::os::unix::fs::symlink("/", &link).unwrap();

@@ -1,15 +1,15 @@
 //! `[processors.SERVICE]`: CPUs and memory per service.
 //!
-//! In: tables by the name of a service. Out: per service its CPUs, number of threads, priority, and whether its memory
-//! stays in RAM. The operating system decides where a table is silent. The CPU numbers are not compared with this
-//! machine's CPUs, because the same file may be read on another machine.
+//! In: tables by the name of a service. Out: for each service its CPUs, number of threads, priority, and which memory
+//! stays in RAM. The operating system decides what a table does not set. The CPU numbers are not checked against the
+//! CPUs of this computer, because the file may be read on another one.
 
 use std::collections::BTreeMap;
 
 use super::ConfigurationProblem;
 use super::raw::{RawProcessors, checked, one_of};
 
-/// Services that a table may name; the names are those of `fringeflow service`.
+/// Services that may have a table. The names are those of `fringeflow service`.
 pub const SERVICES: [&str; 10] = [
     "virtual-projector",
     "virtual-cameras",
@@ -23,9 +23,9 @@ pub const SERVICES: [&str; 10] = [
     "monitor",
 ];
 
-/// CPU numbers are below this.
+/// Upper bound of CPU numbers, exclusive.
 const MAX_CPUS: usize = 1024;
-/// Most threads of a service.
+/// Maximum number of threads of a service.
 const MAX_THREADS: usize = 1024;
 
 /// Settings by the name of the service.
@@ -34,25 +34,25 @@ pub type ProcessorsConfiguration = BTreeMap<&'static str, ServiceProcessors>;
 /// CPUs, threads, priority and memory of one service.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ServiceProcessors {
-    /// CPUs that it may run on, in ascending order; `None`: all.
+    /// CPUs that the service may run on, in ascending order; `None` for all.
     pub cpus: Option<Vec<usize>>,
-    /// Threads that it computes with; `None`: one per CPU.
+    /// Number of worker threads; `None` for one per CPU.
     pub threads: Option<usize>,
-    /// Real-time priority, 1 to 99; `None`: an ordinary task.
+    /// Real-time priority, 1 to 99; `None` for an ordinary task.
     pub realtime_priority: Option<u8>,
-    /// The memory that stays in RAM.
+    /// Which memory stays in RAM.
     pub lock_memory: MemoryLock,
 }
 
-/// The memory of a service that stays in RAM.
+/// Which memory of a service stays in RAM.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MemoryLock {
     /// None: the operating system decides.
     #[default]
     Off,
-    /// Pages after their first use.
+    /// The pages that have been used.
     Used,
-    /// All pages, used or not: the first use causes no page fault either.
+    /// All pages, so that even the first use causes no page fault.
     All,
 }
 
@@ -88,8 +88,8 @@ fn cpus(raw: &[usize]) -> Result<Vec<usize>, ConfigurationProblem> {
         return Err(ConfigurationProblem::Value {
             key: "cpus",
             value: format!("{raw:?}"),
-            expected: "it must list at least one CPU, each once, by the numbers that `lscpu --extended` shows; leave the key \
-                       out for all of them",
+            expected: "it must list at least one CPU, each once, by the numbers that `lscpu --extended` shows; remove \
+                       the key to use all CPUs",
         });
     }
     Ok(cpus)
@@ -133,9 +133,11 @@ mod tests {
         assert!(refused("realtime_priority = 100").contains("key realtime_priority is 100"));
         assert!(
             refused("lock_memory = \"on\"")
-                .contains("key lock_memory is \"on\"; known are [\"off\", \"used\", \"all\"]")
+                .contains("key lock_memory is \"on\"; it must be one of [\"off\", \"used\", \"all\"]")
         );
         assert!(refused("cpu = [1]").contains("cpu"));
-        assert!(parse("[processors.fase]\nthreads = 1").unwrap_err().contains("processors is \"fase\"; known are"));
+        assert!(
+            parse("[processors.fase]\nthreads = 1").unwrap_err().contains("processors is \"fase\"; it must be one of")
+        );
     }
 }

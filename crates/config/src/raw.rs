@@ -1,4 +1,4 @@
-//! The file as serde reads it: all keys that have a default are optional, unknown keys are refused.
+//! The file as serde reads it. Keys with a default are optional; unknown keys are refused.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -32,7 +32,7 @@ pub(super) struct RawConfiguration {
 
 impl RawConfiguration {
     pub(super) fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        former::refuse(text)?;
+        former::refuse_former_keys(text)?;
         Ok(toml::from_str(text)?)
     }
 }
@@ -202,7 +202,7 @@ pub(super) struct RawProcessors {
     pub(super) lock_memory: Option<String>,
 }
 
-/// The value for a word; the error lists the known words.
+/// Returns the value for a word. The error lists the known words.
 pub(super) fn one_of<T: Copy>(
     key: &'static str,
     word: &str,
@@ -216,7 +216,7 @@ pub(super) fn one_of<T: Copy>(
     })
 }
 
-/// The value if it is valid, else an error that names its key.
+/// Returns the value if it is valid, else an error that names its key.
 pub(super) fn checked<T: std::fmt::Display>(
     key: &'static str,
     value: T,

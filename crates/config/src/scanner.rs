@@ -23,11 +23,11 @@ use super::{Configuration, ConfigurationError, ConfigurationProblem};
 pub struct ScannerConfiguration {
     /// Name of the instance.
     pub name: String,
-    /// How images become point clouds.
+    /// Settings of the reconstruction, of the health limits and of the tracking.
     pub measurement: Configuration,
-    /// Source of rig, pattern and volume; `None` where the caller has them, as in a replay.
+    /// Source of rig, pattern and volume; `None` if the caller has them, as in a replay.
     pub rig: Option<RigSource>,
-    /// File that keeps the segment table, if there is one.
+    /// File that stores the segment table, if any.
     pub segment_table: Option<PathBuf>,
     /// Source of the images.
     pub cameras: CameraSource,
@@ -35,14 +35,14 @@ pub struct ScannerConfiguration {
     pub source_format: SourceFormat,
     /// The part of the images that is used.
     pub readout: ReadoutConfiguration,
-    /// Images per second and camera.
+    /// Images per second of each camera.
     pub rate_hz: f64,
     /// Source of the pattern events.
     pub projector: ProjectorDriver,
     /// Window stride, image pairs.
     pub window_every: usize,
-    /// Whether a stage waits until the next one is free. Otherwise it continues with newer windows and counts those it
-    /// leaves out.
+    /// Whether a stage waits until the next stage is free. Otherwise it continues with newer windows, and counts those
+    /// that it skips.
     pub wait_when_busy: bool,
     /// The recorder.
     pub recorder: RecorderConfiguration,
@@ -54,10 +54,10 @@ pub struct ScannerConfiguration {
     pub text: String,
 }
 
-/// The part of the images that is used; their whole size is in the calibration.
+/// The part of the images that is used. Their full size is in the calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadoutConfiguration {
-    /// Region (x, y, width, height), pixels; `None`: the whole image.
+    /// Region (x, y, width, height), pixels; `None` for the whole image.
     pub region_px: Option<[usize; 4]>,
     /// Side of the pixel squares that are averaged to one pixel.
     pub binning: usize,
@@ -70,7 +70,7 @@ pub enum RigSource {
     Files {
         /// OpenCV FileStorage YAML.
         calibration: PathBuf,
-        /// Unit of its lengths.
+        /// Unit of lengths in the file.
         unit: Unit,
         /// The fringes.
         sequence: FringeSequence,
@@ -93,22 +93,22 @@ pub enum ProjectorDriver {
 /// Configuration of the recorder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecorderConfiguration {
-    /// Folder of recordings without a path.
+    /// Folder of recordings whose name has no path.
     pub folder: PathBuf,
-    /// Whether a recording begins with the instance.
+    /// Whether a recording starts with the instance.
     pub from_start: bool,
-    /// Most bytes that wait for the disk.
+    /// Maximum number of bytes that wait for the disk.
     pub queue_bytes: u64,
     /// Free space to keep on the disk, bytes.
     pub min_free_bytes: u64,
-    /// Whether phase maps are recorded; they can be computed again.
+    /// Whether phase maps are recorded. They can be computed again from the images.
     pub phase_maps: bool,
-    /// Whether correspondences are recorded; they can be computed again.
+    /// Whether correspondences are recorded. They can be computed again from the images.
     pub correspondences: bool,
 }
 
 impl ScannerConfiguration {
-    /// Reads and checks a configuration file; paths in it are relative to its folder.
+    /// Reads and checks a configuration file. Paths in it are relative to its folder.
     ///
     /// # Errors
     /// [`ConfigurationError`], which names file, key and value.
@@ -118,7 +118,7 @@ impl ScannerConfiguration {
         Self::parse(&text, path.parent().unwrap_or(Path::new("."))).map_err(fail)
     }
 
-    /// [`Self::read`] on text that is already in memory.
+    /// [`Self::read`] for a text in memory.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
@@ -126,13 +126,13 @@ impl ScannerConfiguration {
         let raw = RawConfiguration::parse(text)?;
         let cameras = raw.cameras.as_ref().ok_or(ConfigurationProblem::Missing {
             key: "cameras",
-            expected: "a table with source and rate_hz names the source of the images",
+            expected: "it must be a table with source and rate_hz of the images",
         })?;
         let rate_hz = checked(
             "cameras.rate_hz",
             cameras.rate_hz,
             |v| (0.1..=1000.0).contains(v),
-            "it must lie between 0.1 and 1000 images a second",
+            "it must lie between 0.1 and 1000 images per second",
         )?;
         let source = cameras::camera_source(cameras, rate_hz)?;
         let source_format = cameras::source_format(&source, cameras.format.as_deref())?;
@@ -174,12 +174,12 @@ impl ScannerConfiguration {
         })
     }
 
-    /// [`Self::parse`] on the text of a recording, which may be older than this version.
+    /// [`Self::parse`] for the text in a recording, which may be older than this version.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
-        Self::parse(&super::former::renamed(text)?, folder)
+        Self::parse(&super::former::with_current_names(text)?, folder)
     }
 
     /// Time from one image to the next, nanoseconds.
@@ -194,11 +194,11 @@ impl ScannerConfiguration {
         self.source_format.pixel_format().binned(self.readout.binning)
     }
 
-    /// The texts of the setup that [`Self::rig`] describes. For a virtual scanner, the simulation makes them with
-    /// [`Self::setup_text_of`].
+    /// Returns the texts of the setup that [`Self::rig`] describes. For a virtual scanner, the simulation creates them
+    /// with [`Self::setup_text_of`].
     ///
     /// # Errors
-    /// The calibration cannot be read, a key is missing, or the rig is a virtual one.
+    /// The calibration cannot be read, a key is missing, or the rig is virtual.
     pub fn setup_text(&self) -> Result<SetupText, SetupTextError> {
         match &self.rig {
             None | Some(RigSource::Virtual(_)) => Err(SetupTextError::NoRig),
@@ -235,11 +235,11 @@ impl ScannerConfiguration {
         self.setup_text_of(description, &rig, Some(calibration))
     }
 
-    /// The texts of the used part of the images, from the description and the rig of whole images. Where whole images
-    /// are used, the text of the calibration stays as it was read.
+    /// Returns the setup texts for the used part of the images, from the description and the rig of whole images. If
+    /// whole images are used, the text of the calibration stays as it was read.
     ///
     /// # Errors
-    /// The region does not lie in the images.
+    /// The region exceeds the images.
     pub fn setup_text_of(
         &self,
         whole: DatasetDescription,
@@ -258,11 +258,11 @@ impl ScannerConfiguration {
 /// Why a configuration yields no setup.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupTextError {
-    /// The configuration names no rig.
-    #[error("the configuration names no rig; name a calibration file in [rig], or set cameras.source = \"virtual\"")]
+    /// The configuration has no rig.
+    #[error("the configuration has no rig; name a calibration file in [rig], or set cameras.source = \"virtual\"")]
     NoRig,
     /// The configuration has no measurement volume.
-    #[error("the configuration has no [measurement_volume]; state the box that holds the object")]
+    #[error("the configuration has no [measurement_volume]; add a box that contains the object")]
     NoVolume,
     /// The calibration file cannot be read.
     #[error(transparent)]
@@ -270,11 +270,11 @@ pub enum SetupTextError {
     /// The region or the binning does not fit the images.
     #[error("keys cameras.region_px and cameras.binning: {0}")]
     Readout(#[from] ReadoutError),
-    /// The virtual scanner refused its table.
+    /// The table of the virtual scanner is invalid.
     #[error("virtual scanner: {0}")]
     VirtualScanner(String),
     /// The description cannot be written as JSON.
-    #[error("the setup cannot be described: {0}")]
+    #[error("cannot write the description of the setup: {0}")]
     Description(#[from] serde_json::Error),
 }
 
@@ -299,17 +299,18 @@ fn rig_source(
     Ok(Some(RigSource::Files { calibration: in_folder(folder, &rig.calibration), unit, sequence }))
 }
 
-/// The used part of the images of `[cameras]`. Whether it lies in the images is checked with the calibration.
+/// Reads which part of the images is used. The calibration shows later whether it fits the images.
 fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfiguration, ConfigurationProblem> {
     let binning = raw.binning.unwrap_or(1);
     let binning = checked(
         "cameras.binning",
         binning,
         |v| BINNINGS.contains(v),
-        "1 uses all pixels, 2 averages squares of 2 x 2",
+        "it must be 1 for all pixels, or 2 to average squares of 2 x 2 pixels",
     )?;
     let refused = |key, value| {
-        let expected = "other programs put whole images into the channels; leave it out, or calibrate for the images that they send";
+        let expected =
+            "it does not apply to images from other programs; remove it, and calibrate for the images that they send";
         Err(ConfigurationProblem::Value { key, value, expected })
     };
     match (source, raw.region_px) {
@@ -319,20 +320,20 @@ fn readout(raw: &RawCameras, source: &CameraSource) -> Result<ReadoutConfigurati
     }
 }
 
-/// The fringes of `[pattern]`.
+/// Reads the fringes of `[pattern]`.
 fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProblem> {
     let raw = raw.ok_or(ConfigurationProblem::Missing {
         key: "pattern",
-        expected: "a table with steps and period_px describes the projected fringes",
+        expected: "it must be a table with steps and period_px of the projected fringes",
     })?;
     let steps =
-        checked("pattern.steps", raw.steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "a cycle has 3 to 16 steps")?;
+        checked("pattern.steps", raw.steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "it must lie between 3 and 16")?;
     let pattern = FringePattern {
         period_px: checked(
             "pattern.period_px",
             raw.period_px,
             |v| v.is_finite() && *v >= 2.0,
-            "a fringe has at least 2 projector pixels",
+            "it must be at least 2 projector pixels",
         )?,
         sign: checked("pattern.phase_sign", raw.phase_sign.unwrap_or(1.0), |v| v.abs() == 1.0, "it must be 1 or -1")?,
         offset_rad: checked(
@@ -348,7 +349,7 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
         return Err(ConfigurationProblem::Value {
             key: "pattern.phase_shift_rad",
             value: format!("{shifts_rad:?}"),
-            expected: "it must hold one finite number per step",
+            expected: "it must contain one finite number per step",
         });
     }
     Ok(FringeSequence { pattern, shifts_rad, gray: None })
@@ -356,7 +357,7 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
 
 fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, ConfigurationProblem> {
     let megabytes = |key, value: u64, least: u64| {
-        let value = checked(key, value, |v| (least..=1 << 24).contains(v), "it is out of any machine's range");
+        let value = checked(key, value, |v| (least..=1 << 24).contains(v), "it is too small or too large");
         value.map(|v| v << 20)
     };
     Ok(RecorderConfiguration {
@@ -385,7 +386,7 @@ mod tests {
         assert_eq!((&demo.cameras, demo.projector), (&CameraSource::Virtual, ProjectorDriver::Virtual));
         assert_eq!(demo.frame_period_ns(), 33_333_333);
         assert_eq!(demo.recorder.folder, Path::new("/demo-output"));
-        // The part of it that measures is a configuration of its own.
+        // The measurement tables are also a valid configuration on their own.
         assert_eq!(Configuration::parse(DEMO).unwrap(), demo.measurement);
     }
 
@@ -396,7 +397,7 @@ mod tests {
             parse(&DEMO.replace(from, to)).unwrap_err().to_string()
         };
         assert!(changed("rate_hz = 30.0", "rate_hz = 0.0").contains("cameras.rate_hz is 0"));
-        assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("known are"));
+        assert!(changed("driver = \"virtual\"", "driver = \"vritual\"").contains("it must be one of"));
         assert!(changed("steps = 4", "steps = 2").contains("pattern.steps is 2"));
         assert!(changed("every = 3", "evry = 3").contains("evry"));
         assert!(changed("[cameras]", "[camera]").contains("camera"));
@@ -404,14 +405,14 @@ mod tests {
     }
 
     #[test]
-    fn the_format_of_the_cameras_is_that_of_the_setup() {
+    fn the_setup_has_the_format_of_the_cameras() {
         assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
         assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
-        // External programs can only write the formats of the channels.
+        // External programs can write only the formats of the channels.
         let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
         assert!(
-            refused.to_string().contains("key cameras.format is \"YUYV\"; known are [\"GREY\", \"Y10\""),
+            refused.to_string().contains("key cameras.format is \"YUYV\"; it must be one of [\"GREY\", \"Y10\""),
             "{refused}"
         );
     }

@@ -14,16 +14,16 @@ pub struct TrackingConfiguration {
     pub prior: PriorSource,
     /// Stride of the tracked clouds that are merged into the model.
     pub merge_every: u32,
-    /// Most points of the model in the live view.
+    /// Maximum number of points of the model in the live view.
     pub shown_points: usize,
-    /// Time between two views of the model, nanoseconds.
+    /// Time between two updates of the model in the live view, nanoseconds.
     pub shown_every_ns: u64,
 }
 
 /// Source of the depth prior, which predicts a window from earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorSource {
-    /// The tracking, where it is enabled.
+    /// The tracking, if it is enabled.
     Tracking,
     /// Another program, on the channel `tracking/prior`.
     External,
@@ -76,7 +76,7 @@ impl TrackingConfiguration {
         self.makes_priors() || self.prior == PriorSource::External
     }
 
-    /// Points that the channel of the model holds: 0 without tracking.
+    /// Maximum number of points in the channel of the model; 0 without tracking.
     #[must_use]
     pub fn channel_points(&self) -> usize {
         if self.is_enabled { self.shown_points } else { 0 }
@@ -99,7 +99,7 @@ pub(super) fn configuration(raw: &RawTracking) -> Result<TrackingConfiguration, 
             "tracking.merge_every",
             raw.merge_every.unwrap_or(default.merge_every),
             |v| (1..=1000).contains(v),
-            "it must lie between 1, for all clouds, and 1000",
+            "it must lie between 1 (all clouds) and 1000",
         )?,
         shown_points: checked(
             "tracking.shown_points",

@@ -1,6 +1,6 @@
 //! `[virtual_scanner]`: simulated cameras and projector.
 //!
-//! The table is kept as it is written. The simulation, which depends on this crate, checks its values and builds the
+//! The table is stored as written. The simulation, which depends on this crate, checks its values and builds the
 //! scanner.
 
 use std::path::{Path, PathBuf};
@@ -12,31 +12,31 @@ use fringeflow_dataset::FringeSequence;
 
 use super::paths::in_folder;
 
-/// The table `[virtual_scanner]`; the simulation has the defaults of absent keys.
+/// The table `[virtual_scanner]`. The simulation has the defaults of absent keys.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VirtualScannerTable {
-    /// Name of the object.
+    /// Name of the scanned object.
     pub object: Option<String>,
-    /// Board behind the object.
+    /// Name of the board behind the object.
     pub board: Option<String>,
     /// Width and height of the images, pixels.
     pub size_px: Option<[usize; 2]>,
     /// Depth of the measurement volume, millimetres.
     pub depth_mm: Option<f64>,
-    /// Standard deviation of δ caused by calibration error, rad.
+    /// Standard deviation of δ caused by the calibration error, rad.
     pub sd_rad: Option<f64>,
     /// Noise level.
     pub noise: Option<String>,
-    /// Exponent of the projector's response.
+    /// Exponent of the response of the projector.
     pub gamma: Option<f64>,
     /// Exposure, relative to the default.
     pub exposure: Option<f64>,
-    /// Rays per side of a pixel.
+    /// Number of rays along each side of a pixel.
     pub supersampling: Option<usize>,
     /// Seed of noise, tremor and faults.
     pub seed: Option<u64>,
-    /// File that keeps the images between runs.
+    /// File that stores the images between runs.
     pub cache: Option<PathBuf>,
     /// Motion of the scanner.
     pub sweep: SweepTable,
@@ -48,7 +48,7 @@ pub struct VirtualScannerTable {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepTable {
-    /// Number of poses in a round.
+    /// Number of poses in one cycle of the motion.
     pub poses: Option<usize>,
     /// Travel along x, y and z, millimetres.
     pub travel_mm: Option<[f64; 3]>,
@@ -76,9 +76,9 @@ pub struct FaultsTable {
     pub late: Option<f64>,
     /// Images lost without a gap in the sequence numbers.
     pub hidden_lost: Option<f64>,
-    /// Images that repeat the one before under a number of their own.
+    /// Images that repeat the previous image under a number of their own.
     pub hidden_duplicated: Option<f64>,
-    /// Images that swap places under correct numbers.
+    /// Images that swap places with correct sequence numbers.
     pub hidden_swapped: Option<f64>,
     /// Pattern events lost.
     pub events_lost: Option<f64>,
@@ -95,12 +95,12 @@ pub struct VirtualScannerConfiguration {
     pub period_px: f64,
     /// Format of the images.
     pub format: PixelFormat,
-    /// File that keeps the images between runs.
+    /// File that stores the images between runs.
     pub cache: Option<PathBuf>,
 }
 
 impl VirtualScannerConfiguration {
-    /// From the table; paths are relative to the folder of the configuration.
+    /// Creates the configuration from the table. Paths are relative to the folder of the configuration.
     pub(crate) fn new(
         table: &VirtualScannerTable,
         sequence: &FringeSequence,

@@ -6,21 +6,21 @@ use fringeflow::calibration::CalibrationError;
 use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
 
-/// An error about a dataset folder: the file and its problem.
+/// An error about a dataset folder: the file and what is wrong with it.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
-    /// The calibration is wrong.
+    /// The calibration is invalid.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
     /// A calibration or an image could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// Another file or folder is wrong.
+    /// Another file or folder is invalid.
     #[error("{}: {problem}", file.display())]
     File {
         /// The file or folder.
         file: PathBuf,
-        /// Its problem.
+        /// What is wrong with it.
         #[source]
         problem: Problem,
     },
@@ -33,7 +33,7 @@ impl DatasetError {
     }
 }
 
-/// A problem of a file in a dataset folder.
+/// What is wrong with a file of a dataset folder.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// The folder does not exist or is a file.
@@ -45,13 +45,13 @@ pub enum Problem {
     /// The file cannot be written.
     #[error("cannot be written: {0}")]
     Unwritable(#[source] std::io::Error),
-    /// The path of a new dataset folder is taken.
-    #[error("already exists and is not an empty folder; give another path, or remove it first")]
+    /// A new dataset folder cannot be created, because its path already exists.
+    #[error("already exists and is not an empty folder; choose another path or remove it first")]
     TargetExists,
-    /// Neither the folder nor the user states a unit.
+    /// Neither the folder nor the user specifies a unit.
     #[error("field unit is missing; add \"unit\": \"mm\" or give --units mm|m")]
     NoUnit,
-    /// `meta.json` is no JSON or lacks a field.
+    /// `meta.json` is not valid JSON or lacks a field.
     #[error("is not valid: {0}")]
     Json(String),
     /// A field has an invalid value.
@@ -66,17 +66,17 @@ pub enum Problem {
     #[error("field volume: {0}")]
     Volume(#[from] VolumeError),
     /// An image that `meta.json` lists does not exist.
-    #[error("is missing; meta.json promises it")]
+    #[error("is missing, although meta.json lists it")]
     MissingImage,
     /// There are more images than `meta.json` lists.
-    #[error("is one image too many: meta.json promises {promised} images named {kind}_NN.png")]
+    #[error("is one image too many: meta.json lists {listed} images named {kind}_NN.png")]
     ExtraImage {
         /// Prefix of the names.
         kind: String,
         /// Number of images in `meta.json`.
-        promised: usize,
+        listed: usize,
     },
-    /// The file is no intact PNG.
+    /// The file is not an intact PNG.
     #[error("is not an intact PNG image: {0}")]
     Png(String),
     /// The image has the wrong size.
@@ -101,7 +101,7 @@ pub enum Problem {
         /// Its red, green and blue.
         rgb: [u16; 3],
     },
-    /// The image has values beyond the depth of the dataset.
+    /// The image has values that exceed the bit depth of the dataset.
     #[error(
         "has 16-bit values beyond {bits} bits (pixel {u}, {v} is {value}); save all images with one depth, or correct \
          field bits of meta.json"
@@ -116,7 +116,7 @@ pub enum Problem {
         /// Its value.
         value: u16,
     },
-    /// The image has less depth than the dataset.
+    /// The bit depth of the image is lower than that of the dataset.
     #[error("is an 8-bit image among those of {bits} bits; save it as 16-bit grey, or correct field bits of meta.json")]
     Shallow {
         /// The depth of the dataset.
@@ -125,7 +125,7 @@ pub enum Problem {
     /// The image is partly transparent.
     #[error("is transparent in places; save it as grey without transparency")]
     Transparent,
-    /// The ground truth is no readable NPZ file or lacks an array.
+    /// The ground truth is not a readable NPZ file, or an array is missing.
     #[error("is not a valid truth file: {0}")]
     Truth(String),
 }

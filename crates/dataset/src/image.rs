@@ -38,8 +38,8 @@ impl GreyImage {
     }
 }
 
-/// Reads a PNG as grey. Colour is converted if that loses nothing. Without a format the image has the depth of the file, 8
-/// or 16 bits. With a format the values must fit it.
+/// Reads a PNG as a grey image. Colours are converted if nothing is lost. If `format` is `None`, the image has the
+/// depth of the file, 8 or 16 bits. Otherwise the values must fit the format.
 ///
 /// # Errors
 /// The file is unreadable or damaged, its size is not `expected_px`, or its values do not fit the format.
@@ -77,10 +77,10 @@ pub fn read_png(
     Ok(GreyImage { width, height, format, pixels: stored_bytes(&grey, format, width)? })
 }
 
-/// The depth of a PNG file.
+/// Returns the bit depth of a PNG file.
 ///
 /// # Errors
-/// The file cannot be read, or is no PNG.
+/// The file cannot be read or is not a PNG.
 pub(super) fn depth_of_file(path: &Path) -> Result<PixelFormat, Problem> {
     let file = File::open(path).map_err(Problem::Unreadable)?;
     let reader = png::Decoder::new(BufReader::new(file)).read_info();
@@ -92,10 +92,10 @@ fn depth_of(depth: png::BitDepth) -> PixelFormat {
     if depth == png::BitDepth::Sixteen { PixelFormat::Y16 } else { PixelFormat::Grey }
 }
 
-/// Writes a grey PNG: 8 bits, or 16 bits with the unchanged values of a deeper image.
+/// Writes a grey PNG with 8 bits, or with 16 bits for deeper images, whose values stay unchanged.
 ///
 /// # Errors
-/// The file cannot be written. An existing file is kept then.
+/// The file cannot be written. An existing file stays unchanged.
 pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
     let (size, grey) = ([image.width, image.height], png::ColorType::Grayscale);
     write_atomically(path, |out| match image.format {
@@ -107,7 +107,7 @@ pub fn write_png(path: &Path, image: &GreyImage) -> Result<(), WriteError> {
     })
 }
 
-/// The grey channel of an image with 1 to 4 channels, if its colours are equal and it is opaque.
+/// Returns the grey channel of an image with 1 to 4 channels, if its colours are equal and it is opaque.
 fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -> Result<Vec<u16>, Problem> {
     if channels == 1 {
         return Ok(samples);
@@ -126,7 +126,7 @@ fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -
     Ok(grey)
 }
 
-/// The bytes of values in a format.
+/// Converts values to bytes in a format.
 fn stored_bytes(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
     if let Some((i, &value)) = values.iter().enumerate().find(|&(_, &value)| value > format.max_value()) {
         return Err(Problem::Depth { bits: format.bits(), u: i % width, v: i / width, value });
@@ -159,7 +159,7 @@ pub(super) fn check_numbers(folder: &Path, kind: &str, count: usize) -> Result<(
         return Err(DatasetError::new(&folder.join(format!("{kind}_{missing:02}.png")), Problem::MissingImage));
     }
     match found.range(count..).next() {
-        Some((_, path)) => Err(DatasetError::new(path, Problem::ExtraImage { kind: kind.to_owned(), promised: count })),
+        Some((_, path)) => Err(DatasetError::new(path, Problem::ExtraImage { kind: kind.to_owned(), listed: count })),
         None => Ok(()),
     }
 }
@@ -182,7 +182,7 @@ mod tests {
             let image = GreyImage { width: 3, height: 2, format, pixels: stored_bytes(&values, format, 3).unwrap() };
             let (_folder, path) = written(&image);
             assert_eq!(read_png(&path, Some([3, 2]), Some(format)).unwrap(), image);
-            // The file itself has 8 or 16 bits.
+            // The PNG file itself has 8 or 16 bits.
             let unknown = if format == PixelFormat::Grey { format } else { PixelFormat::Y16 };
             assert_eq!(read_png(&path, None, None).unwrap(), GreyImage { format: unknown, ..image });
         }

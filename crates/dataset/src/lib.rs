@@ -8,10 +8,11 @@
 //! FOLDER/truth.npz            ground truth, if it is known
 //! ```
 //!
-//! Images have 8 or 16 bits. With 16 bits, the field `bits` of `meta.json` states how many low bits hold the value: 10, 12,
-//! 14 or 16. Opening a folder checks everything; images are read on request.
+//! Images have 8 or 16 bits. With 16 bits, the field `bits` of `meta.json` states how many low bits hold the value: 10,
+//! 12, 14 or 16. Opening a folder checks `meta.json`, the calibration, and that all images exist; the images are read
+//! on request.
 //!
-//! A [`Setup`] is the text of `meta.json` and `calibration.yml`:
+//! A [`Setup`] is the checked content of `meta.json` and `calibration.yml`:
 //!
 //! ```
 //! use fringeflow_dataset::{Setup, SetupText};
@@ -29,9 +30,11 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod fields;
 mod image;
 mod meta;
 mod motion;
+mod sequence;
 mod setup;
 mod truth;
 mod write;
@@ -45,14 +48,15 @@ pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
 pub use meta::{VolumeDescription, read_volume};
 pub use motion::Motion;
-pub use setup::{FringeSequence, Setup, SetupError, SetupText};
+pub use sequence::FringeSequence;
+pub use setup::{Setup, SetupError, SetupText};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
 
 /// A camera of the rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraId {
-    /// Camera 1, whose pixels become points.
+    /// Camera 1, whose pixels become the points.
     Cam1,
     /// Camera 2, in which correspondences are searched.
     Cam2,
@@ -79,7 +83,7 @@ pub struct Dataset {
     pub folder: PathBuf,
     /// Rig, fringe pattern and measurement volume.
     pub setup: Setup,
-    /// Depth of all images: as `meta.json` states, or else that of the first file.
+    /// Bit depth of all images: that of `meta.json`, or else that of the first file.
     pub pixel_format: PixelFormat,
 }
 
@@ -95,10 +99,10 @@ pub const TRUTH_FILE: &str = "truth.npz";
 impl Dataset {
     /// Opens a folder: reads and checks `meta.json` and the calibration, and checks that all images exist.
     ///
-    /// `unit` applies if `meta.json` states none.
+    /// `unit` is used if `meta.json` states none.
     ///
     /// # Errors
-    /// [`DatasetError`], which names file, field, value and remedy.
+    /// [`DatasetError`] with file, field, value and remedy.
     pub fn open(folder: &Path, unit: Option<Unit>) -> Result<Self, DatasetError> {
         if !folder.is_dir() {
             return Err(DatasetError::new(folder, Problem::NotAFolder));
@@ -114,7 +118,7 @@ impl Dataset {
         let mut dataset = Self { folder: folder.to_owned(), setup, pixel_format: PixelFormat::Grey };
         dataset.check_images()?;
         let first = folder.join(CameraId::Cam1.folder()).join(ImageKind::Phase(0).file_name());
-        // An error of that file is reported when the image is read.
+        // An error in this file is reported when the image is read.
         let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
         dataset.pixel_format = stated.unwrap_or_default();
         Ok(dataset)

@@ -1,19 +1,20 @@
-//! `meta.json`: raw serde structs, parsed into types that are always valid.
+//! `meta.json`: raw serde structs, and their conversion to checked types.
 
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use fringeflow::calibration::Unit;
-use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout, Vector3};
+use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout};
 use fringeflow::phase::GrayCode;
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::MIN_STEPS;
 
-use super::motion::RawMotion;
-use super::{DatasetError, FringeSequence, Motion, Problem};
+use super::error::{DatasetError, Problem};
+use super::fields::{field_problem, raw_pose, rigid_pose};
+use super::motion::{Motion, RawMotion};
+use super::sequence::FringeSequence;
 
 #[derive(Deserialize)]
 struct RawMeta {
@@ -30,7 +31,7 @@ struct RawMeta {
     motion: Option<RawMotion>,
 }
 
-/// Region and binning of the sensor, unless its whole images are used.
+/// Region and binning of the sensor; `None` if the whole image of the sensor is used.
 #[derive(Deserialize, Serialize)]
 pub(super) struct RawReadout {
     sensor_size: [usize; 2],
@@ -70,7 +71,7 @@ pub struct VolumeDescription {
 }
 
 impl RawReadout {
-    /// `None` if the whole sensor is used.
+    /// Returns the raw form, or `None` if the whole sensor is used.
     pub(super) fn from_readout(readout: &Readout) -> Option<Self> {
         let (sensor_size, region, binning) = (readout.sensor_px(), readout.region(), readout.binning());
         (!readout.is_whole()).then_some(Self { sensor_size, region, binning })
@@ -83,7 +84,7 @@ impl RawReadout {
         if [width, height] != image_size_px {
             return Err(field_problem(
                 "readout",
-                format!("leaves {width} × {height} pixels, and image_size says something else"),
+                format!("results in images of {width} × {height} pixels, but image_size is different"),
             ));
         }
         Ok(readout)
@@ -103,7 +104,7 @@ impl From<&FringeSequence> for RawSequence {
 }
 
 impl VolumeDescription {
-    /// Describes a volume in `unit`, and its pose in the frame of the ground truth if that differs.
+    /// Converts a volume, and its pose in the frame of the ground truth if that differs, to the raw form in `unit`.
     pub(super) fn new(volume: &MeasurementVolume, exact: Option<&Pose>, unit: Unit) -> Self {
         let scale = unit.in_metres();
         let (r_v, t_v) = raw_pose(volume.cam1_from_volume(), scale);
@@ -117,13 +118,6 @@ impl VolumeDescription {
             max: (volume.max().coords / scale).into(),
         }
     }
-}
-
-/// A pose in a file: rows of the rotation, and the translation in units of `scale` metres.
-pub(super) fn raw_pose(pose: &Pose, scale: f64) -> ([[f64; 3]; 3], [f64; 3]) {
-    let rotation = pose.rotation.to_rotation_matrix();
-    let rows = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
-    (rows, (pose.translation.vector / scale).into())
 }
 
 /// Content of `meta.json`, checked.
@@ -193,7 +187,7 @@ impl VolumeDescription {
     /// The measurement volume, from lengths in `unit`.
     ///
     /// # Errors
-    /// The matrix is no rotation, or the box is empty.
+    /// The matrix is not a rotation, or the box is empty.
     pub fn to_volume(&self, unit: Unit) -> Result<MeasurementVolume, Problem> {
         let scale = unit.in_metres();
         let cam1_from_volume = pose("volume.R_v", &self.r_v, &self.t_v, scale)?;
@@ -205,7 +199,7 @@ impl VolumeDescription {
 /// Reads a measurement volume from a separate JSON file: `R_v`, `T_v`, `min`, `max` in `unit`, as in `meta.json`.
 ///
 /// # Errors
-/// The file is unreadable, a field is missing, the matrix is no rotation, or the box is empty.
+/// The file is unreadable, a field is missing, the matrix is not a rotation, or the box is empty.
 pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
     let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
     let raw = text
@@ -266,19 +260,4 @@ fn checked_gray(raw: &RawGray) -> Result<GrayCode, Problem> {
 
 fn pose(name: &'static str, r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, Problem> {
     rigid_pose(r, t, scale).map_err(|what| field_problem(name, what))
-}
-
-/// The pose of a rotation and a translation in units of `scale` metres, or the fault of the rotation.
-pub(super) fn rigid_pose(r: &[[f64; 3]; 3], t: &[f64; 3], scale: f64) -> Result<Pose, String> {
-    let matrix = Matrix3::from_fn(|i, j| r[i][j]);
-    let deviation = (matrix * matrix.transpose() - Matrix3::identity()).amax();
-    if deviation.is_nan() || deviation > 1e-5 || matrix.determinant() < 0.0 {
-        return Err(format!("is not a rotation (R·Rᵀ differs from the identity by {deviation:.3e})"));
-    }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    Ok(Pose::from_parts(Translation3::from(Vector3::from(*t) * scale), rotation))
-}
-
-pub(super) fn field_problem(field: &'static str, what: String) -> Problem {
-    Problem::Field { field, what }
 }

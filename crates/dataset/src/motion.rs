@@ -1,15 +1,15 @@
 //! Motion of the object of a dataset: field `motion` of `meta.json`.
 //!
-//! `x_v(k) = Rm[k]·x_obj + tm[k]` is the position of a point of the object at phase image k, in the frame of the measurement
-//! volume. At `t_ref`, counted in images, `x_obj = x_v`. The ground truth of the dataset holds at that time.
+//! `x_v(k) = Rm[k]·x_obj + tm[k]` is the position of a point of the object at phase image k, in the frame of the
+//! measurement volume. `t_ref`, counted in images, is the time of the ground truth; at this time `x_obj = x_v`.
 
 use serde::{Deserialize, Serialize};
 
 use fringeflow::calibration::Unit;
 use fringeflow::geometry::{Pose, interpolate_pose};
 
-use super::Problem;
-use super::meta::{field_problem, raw_pose, rigid_pose};
+use super::error::Problem;
+use super::fields::{field_problem, raw_pose, rigid_pose};
 
 /// Pose of the object in every phase image, relative to the time of the ground truth.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,8 +21,9 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// The pose at a time, counted in phase images; frame of the measurement volume, metres. Between two images the object
-    /// moves straight and rotates evenly; before the first and after the last it rests. `None` without any image.
+    /// Returns the pose at a time, counted in phase images; frame of the measurement volume, metres. Between two images
+    /// the object moves at constant velocity and rotates at a constant rate; before the first image and after the last
+    /// one it stands still. Returns `None` if there are no images.
     #[must_use]
     pub fn pose_at(&self, image: f64) -> Option<Pose> {
         let last = self.poses.len().checked_sub(1)?;
@@ -32,7 +33,7 @@ impl Motion {
         Some(interpolate_pose(before, after, image.fract()))
     }
 
-    /// The `count` images (or all) whose middle is nearest to the time of the ground truth.
+    /// Returns the `count` images (or all) whose middle is nearest to the time of the ground truth.
     pub(super) fn reference_images(&self, count: usize) -> std::ops::Range<usize> {
         let count = count.min(self.poses.len());
         let last = self.poses.len() - count;
@@ -41,7 +42,7 @@ impl Motion {
     }
 }
 
-/// The motion in `meta.json`, lengths in its unit.
+/// The motion in `meta.json`, lengths in the unit of the file.
 #[derive(Deserialize, Serialize)]
 pub(super) struct RawMotion {
     t_ref: f64,
@@ -50,7 +51,7 @@ pub(super) struct RawMotion {
     tm: Vec<[f64; 3]>,
 }
 
-/// The motion as it is written, with fields that readers ignore.
+/// The motion written to `meta.json`, with additional fields that readers ignore.
 #[derive(Serialize)]
 pub(super) struct WrittenMotion {
     model: &'static str,
@@ -65,7 +66,8 @@ const MODEL: &str = "object moves rigidly: x_v(k) = Rm[k] x_obj + tm[k]; image k
                      black at t_ref (x_obj = x_v there)";
 
 impl RawMotion {
-    /// Checks the motion of a dataset with this number of phase images. The motion needs a volume, whose frame it uses.
+    /// Checks the motion of a dataset with this number of phase images. A dataset with motion needs a volume, since the
+    /// motion is stated in its frame.
     pub(super) fn parse(&self, images: usize, has_volume: bool, unit: Unit) -> Result<Motion, Problem> {
         if !has_volume {
             return Err(field_problem(

@@ -1,28 +1,19 @@
 //! The setup of a measurement: rig, fringe pattern, phase shifts, measurement volume.
 //!
-//! A setup is read from the texts of two files, `meta.json` and `calibration.yml`. A recording contains the same texts, so
-//! that the numbers of a rig are the same to the last bit everywhere.
+//! A setup is read from the texts of two files, `meta.json` and `calibration.yml`. A recording contains the same texts,
+//! so its setup is exactly the same, to the last bit of each number.
 
 use std::ops::Range;
 use std::path::Path;
 
 use fringeflow::calibration::{self, CalibrationError, CalibrationProblem, Unit};
-use fringeflow::geometry::{FringePattern, MeasurementVolume, Pose, Readout, Rig};
-use fringeflow::phase::GrayCode;
+use fringeflow::geometry::{MeasurementVolume, Pose, Readout, Rig};
 use fringeflow_base::grey::PixelFormat;
 
-use super::{CALIBRATION_FILE, DatasetError, META_FILE, Motion, Problem, meta};
-
-/// One direction of fringes: pattern, phase shifts, and the Gray code that makes the phase absolute.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FringeSequence {
-    /// Phase as a function of the projector column (row for the second direction).
-    pub pattern: FringePattern,
-    /// Phase shift of every phase image, rad.
-    pub shifts_rad: Vec<f64>,
-    /// Gray code, if there is one.
-    pub gray: Option<GrayCode>,
-}
+use super::error::{DatasetError, Problem};
+use super::motion::Motion;
+use super::sequence::FringeSequence;
+use super::{CALIBRATION_FILE, META_FILE, meta};
 
 /// The texts of a setup.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,11 +31,11 @@ pub struct Setup {
     pub name: String,
     /// Unit of the calibration file and the volume.
     pub unit: Unit,
-    /// Width and height of all images.
+    /// Width and height of all images, pixels.
     pub image_size_px: [usize; 2],
     /// Region and binning of the sensor behind the images.
     pub readout: Readout,
-    /// Depth of all images, if one is stated.
+    /// Bit depth of all images, if it is stated.
     pub pixel_format: Option<PixelFormat>,
     /// Number of steps of a cycle. Moving scenes may have more images than that.
     pub steps: usize,
@@ -64,22 +55,22 @@ pub struct Setup {
     pub text: SetupText,
 }
 
-/// Why a setup was refused.
+/// Why a setup is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum SetupError {
-    /// `meta.json` is wrong.
+    /// `meta.json` is invalid.
     #[error("{META_FILE}: {0}")]
     Description(#[source] Problem),
-    /// The calibration is wrong.
+    /// The calibration is invalid.
     #[error("{CALIBRATION_FILE}: {0}")]
     Calibration(#[source] CalibrationProblem),
 }
 
 impl Setup {
-    /// Reads and checks both texts. `unit` applies if the description states none.
+    /// Reads and checks both texts. `unit` is used if the description states none.
     ///
     /// # Errors
-    /// [`SetupError`], which names file, field, value and remedy.
+    /// [`SetupError`] with file, field, value and remedy.
     pub fn parse(text: SetupText, unit: Option<Unit>) -> Result<Self, SetupError> {
         let meta = meta::parse(&text.description).map_err(SetupError::Description)?;
         let unit = meta.unit.or(unit).ok_or(SetupError::Description(Problem::NoUnit))?;
@@ -114,8 +105,8 @@ impl Setup {
         &self.sequence.shifts_rad[..self.steps.min(self.sequence.shifts_rad.len())]
     }
 
-    /// The `count` phase images to compare with the ground truth: the first ones, or for a moving object those around the time
-    /// of the ground truth.
+    /// The `count` phase images to compare with the ground truth: the first ones, or for a moving object those around
+    /// the time of the ground truth.
     #[must_use]
     pub fn reference_images(&self, count: usize) -> Range<usize> {
         self.motion.as_ref().map_or(0..count, |motion| motion.reference_images(count))
@@ -129,7 +120,7 @@ impl Setup {
 }
 
 impl SetupError {
-    /// The error about the files of a folder.
+    /// Converts the error to one about the files of a folder.
     pub(super) fn in_folder(self, folder: &Path) -> DatasetError {
         match self {
             Self::Description(problem) => DatasetError::new(&folder.join(META_FILE), problem),

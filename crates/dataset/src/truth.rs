@@ -12,9 +12,9 @@ use super::Problem;
 /// Ground truth of a dataset.
 #[derive(Clone, Debug)]
 pub enum Truth {
-    /// Of a rendered dataset: known for every pixel of C1.
+    /// Ground truth of a rendered dataset, known for every pixel of C1.
     Rendered(RenderedTruth),
-    /// Of a captured dataset: found by a Gray-code reference method.
+    /// Ground truth of a captured dataset, found by a Gray-code reference method.
     Captured(CapturedTruth),
 }
 
@@ -25,17 +25,19 @@ pub struct RenderedTruth {
     pub cam2_px: Vec<[f32; 2]>,
     /// Point in the frame of the exact C1, in the unit of the dataset; valid if `measurable`.
     pub point: Vec<[f32; 3]>,
-    /// C2 sees the point.
+    /// Whether the point is visible in C2.
     pub seen_by_cam2: Vec<bool>,
-    /// The projector lights the point.
+    /// Whether the point is lit by the projector.
     pub lit: Vec<bool>,
-    /// The point lies in the measurement volume.
+    /// Whether the point lies in the measurement volume.
     pub in_volume: Vec<bool>,
-    /// Hit, seen by C2, lit and in the volume.
+    /// Whether the ray hits a point that is visible in C2, lit, and in the volume.
     pub measurable: Vec<bool>,
-    /// Reference data RD of the paper: `measurable` and, with Gray code, found by the Gray-code reference method.
+    /// Whether the pixel belongs to the reference data RD of the paper: `measurable` and, with Gray code, found by the
+    /// Gray-code reference method.
     pub reference: Vec<bool>,
-    /// Point in C2 that Gray code finds outside `reference`; NaN elsewhere. Absent without Gray code and for moving objects.
+    /// Point in C2 found with Gray code outside `reference`; NaN elsewhere. `None` without Gray code and for moving
+    /// objects.
     pub gray_cam2_px: Option<Vec<[f32; 2]>>,
 }
 
@@ -48,7 +50,7 @@ pub struct CapturedTruth {
     pub cam2_px: Vec<[f32; 2]>,
     /// 3D point, frame of C1, millimetres.
     pub point_mm: Vec<[f32; 3]>,
-    /// Back-projection residual of the reference itself, rad.
+    /// Back-projection residual of the reference method, rad.
     pub residual_rad: Vec<f32>,
 }
 
@@ -100,7 +102,7 @@ fn write_arrays(out: &mut BufWriter<File>, truth: &RenderedTruth, size_px: [usiz
     if let Some(gray) = &truth.gray_cam2_px {
         write_array(&mut npz, "egc_x2", gray.as_flattened(), &[rows, cols, 2])?;
     }
-    // Dropping the writer would write the directory of the archive too, but ignore its errors.
+    // Dropping the writer would also write the directory of the archive, but ignore errors.
     npz.zip_writer().finish()?;
     Ok(())
 }
@@ -111,7 +113,7 @@ fn write_array<T: AutoSerialize + Copy>(
     values: &[T],
     shape: &[u64],
 ) -> io::Result<()> {
-    // A fixed time, so that the same truth gives the same bytes.
+    // The time is fixed, so that equal ground truths give equal files.
     let options = zip::write::FileOptions::default().last_modified_time(zip::DateTime::default());
     let options = options.compression_method(zip::CompressionMethod::Stored);
     let mut array = npz.array(name, options)?.default_dtype().shape(shape).begin_nd()?;

@@ -1,4 +1,4 @@
-//! Writes a dataset folder as a whole: into a temporary folder that is renamed at the end.
+//! Writes a dataset folder atomically: into a temporary folder, which is renamed at the end.
 
 use std::fs::Permissions;
 use std::os::unix::fs::PermissionsExt;
@@ -28,7 +28,7 @@ pub struct DatasetDescription {
     pub unit: Unit,
     /// Region and binning of the sensor behind the images.
     pub readout: Readout,
-    /// Depth of all images.
+    /// Bit depth of all images.
     pub pixel_format: PixelFormat,
     /// Number of steps of a cycle.
     pub steps: usize,
@@ -42,7 +42,7 @@ pub struct DatasetDescription {
     pub exact_cam1_from_volume: Option<Pose>,
     /// Pose of the object in every phase image, if it moves.
     pub motion: Option<Motion>,
-    /// Further fields, which readers ignore.
+    /// Additional fields, which readers ignore.
     pub remarks: serde_json::Map<String, serde_json::Value>,
 }
 
@@ -50,7 +50,7 @@ impl DatasetDescription {
     /// The text of `meta.json`.
     ///
     /// # Errors
-    /// A remark is no valid JSON.
+    /// A remark is not valid JSON.
     pub fn text(&self) -> serde_json::Result<String> {
         let meta = WrittenMeta {
             name: &self.name,
@@ -125,7 +125,7 @@ struct WrittenMeta<'a> {
     remarks: &'a serde_json::Map<String, serde_json::Value>,
 }
 
-/// An unfinished dataset folder. Without [`Self::finish`] it leaves nothing behind.
+/// An unfinished dataset folder. If it is dropped without [`Self::finish`], it is deleted.
 #[derive(Debug)]
 pub struct DatasetWriter {
     target: PathBuf,
@@ -134,10 +134,10 @@ pub struct DatasetWriter {
 }
 
 impl DatasetWriter {
-    /// Starts a folder and writes its `meta.json`.
+    /// Creates the temporary folder and writes `meta.json`.
     ///
     /// # Errors
-    /// `target` exists and is no empty folder, or its parent folder cannot be written.
+    /// `target` exists and is not an empty folder, or its parent folder is not writable.
     pub fn create(target: &Path, description: &DatasetDescription) -> Result<Self, DatasetError> {
         let text = description
             .text()
@@ -147,7 +147,7 @@ impl DatasetWriter {
         Ok(writer)
     }
 
-    /// Starts a folder with the unchanged texts of a setup.
+    /// Creates the temporary folder with the unchanged texts of a setup.
     ///
     /// # Errors
     /// As [`Self::create`].
@@ -166,7 +166,7 @@ impl DatasetWriter {
             _ => Path::new("."),
         };
         let mut builder = tempfile::Builder::new();
-        // The umask still applies. The default of tempfile would deny others access to the result.
+        // The umask still applies. With the default of tempfile, other users could not read the result.
         builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
         let unfinished = builder.tempdir_in(parent).map_err(fail)?;
         for camera in CameraId::BOTH {
@@ -219,7 +219,7 @@ impl DatasetWriter {
         self.file(TRUTH_FILE, content)
     }
 
-    /// Opens the folder so far. Images and calibration must be complete; the ground truth may be missing.
+    /// Opens the unfinished folder. Images and calibration must be complete; the ground truth may be missing.
     ///
     /// # Errors
     /// As [`Dataset::open`], with paths in the temporary folder.
@@ -230,12 +230,12 @@ impl DatasetWriter {
     /// Renames the folder to its final name.
     ///
     /// # Errors
-    /// The name was taken in the meantime, or the parent folder cannot be written.
+    /// `target` was created by someone else in the meantime, or its parent folder is not writable.
     pub fn finish(self) -> Result<(), DatasetError> {
         check_new(&self.target)?;
         let renamed = std::fs::rename(self.unfinished.path(), &self.target);
         renamed.map_err(|e| DatasetError::new(&self.target, Problem::Unwritable(e)))?;
-        // The old name does not exist any more, so there is nothing to clean up.
+        // The temporary name no longer exists, so there is nothing to delete.
         let _ = self.unfinished.keep();
         Ok(())
     }
@@ -244,13 +244,13 @@ impl DatasetWriter {
         self.unfinished.path().join(name)
     }
 
-    /// The error with the final path of the file, which the user knows.
+    /// Returns the error with the final path of the file, since the user does not know the temporary one.
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
         WriteError { path: self.target.join(name), ..error }
     }
 }
 
-/// Checks that a new dataset can be written at `target`: nothing or an empty folder is there.
+/// Checks that a new dataset can be written at `target`: the path does not exist, or it is an empty folder.
 ///
 /// # Errors
 /// [`Problem::TargetExists`].

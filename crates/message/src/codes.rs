@@ -1,6 +1,7 @@
-//! Enums that are numbers in messages and names in reports, metrics and recordings.
+//! Enums that are stored as numbers in messages and as names in reports, metrics and recordings.
 
-/// Defines such an enum from a table: code, name and meaning of each value. The meaning is its documentation too.
+/// Defines such an enum from a table with code, name and meaning of each value. The meaning is also the doc comment of
+/// the value.
 macro_rules! codes {
     (
         $(#[$attribute:meta])*
@@ -19,13 +20,13 @@ macro_rules! codes {
             /// All values, in the order of their codes.
             pub const ALL: [Self; [$($code),*].len()] = [$(Self::$Value),*];
 
-            /// The value with this code; `None` for an unknown code.
+            /// Returns the value with this code; `None` for an unknown code.
             #[must_use]
             pub fn from_code(code: u32) -> Option<Self> {
                 Self::ALL.into_iter().find(|value| *value as u32 == code)
             }
 
-            /// The value with this name; `None` for an unknown name.
+            /// Returns the value with this name; `None` for an unknown name.
             #[must_use]
             pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.into_iter().find(|value| value.name() == name)
@@ -39,7 +40,7 @@ macro_rules! codes {
                 }
             }
 
-            /// What the name means, for readers who do not know the pipeline by heart.
+            /// Explanation of the name for users.
             #[must_use]
             pub fn meaning(self) -> &'static str {
                 match self {

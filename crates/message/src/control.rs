@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::codes::codes;
 
-/// Bytes of a [`Text`].
+/// Size of a [`Text`], bytes.
 const TEXT_BYTES: usize = 256;
 
 /// A short UTF-8 text, padded with zeros.
@@ -58,12 +58,12 @@ pub struct ControlResponse {
     pub text: Text,
 }
 
-/// The state that the instance should have; the services follow it.
+/// Target state of the instance. The services follow it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.ScanState.1")]
 pub struct ScanState {
-    /// Raised with every change.
+    /// Increases with every change.
     pub revision: u64,
     /// 1 while cameras and projector should run.
     pub scanning: u32,
@@ -86,7 +86,7 @@ impl Default for Text {
 }
 
 impl Text {
-    /// Copies a text, cut at the last character that fits.
+    /// Copies a text. A text that is too long is cut after the last character that fits.
     #[must_use]
     pub fn new(text: &str) -> Self {
         let mut bytes = [0; TEXT_BYTES];
@@ -95,7 +95,7 @@ impl Text {
         Self(bytes)
     }
 
-    /// The text; invalid UTF-8 is replaced.
+    /// Returns the text; invalid UTF-8 is replaced.
     #[must_use]
     pub fn to_text(&self) -> String {
         let end = self.0.iter().position(|&b| b == 0).unwrap_or(TEXT_BYTES);

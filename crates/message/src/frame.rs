@@ -18,15 +18,15 @@ pub mod flags {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.FrameHeader.1")]
 pub struct FrameHeader {
-    /// Start of the camera's stream. Images of different sessions never share a window.
+    /// Identifies the start of the camera stream. Images of different sessions never share a window.
     pub session: u64,
     /// Number of the image, from the driver. Gaps are images that the camera lost.
     pub sequence: u64,
-    /// Images that the channel has carried before.
+    /// Number of images published on the channel before this one.
     pub published: u64,
     /// Start of the exposure.
     pub exposure_start_ns: u64,
-    /// Arrival of the image on this machine.
+    /// Arrival of the image on this computer.
     pub received_ns: u64,
     /// Duration of the exposure, nanoseconds; 0 if unknown.
     pub exposure_ns: u64,

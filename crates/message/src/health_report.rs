@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// Quantities that a report has room for.
+/// Maximum number of quantities in a report.
 pub const GAUGES: usize = 32;
 
 /// One quantity over the last windows, see `fringeflow_telemetry::health::Gauge`.
@@ -35,7 +35,7 @@ pub struct HealthReport {
 }
 
 impl GaugeReport {
-    /// The level, if it is known.
+    /// Returns the level, if it is known.
     #[must_use]
     pub fn known(&self) -> Option<f64> {
         (self.is_known != 0).then_some(self.level)

@@ -3,7 +3,8 @@
 use crate::codes::codes;
 
 codes! {
-    /// A fault, or a near one, that concerns no single item. Incidents are counted; they drop nothing.
+    /// A fault, or nearly one, that does not concern a single item. Incidents are counted; they do not cause items to
+    /// be dropped.
     pub enum Incident {
         TimeOut = 0, "time_out", "no image for longer than the time-out";
         Interrupted = 1, "interrupted", "a signal interrupted a call; the call was repeated";

@@ -23,11 +23,11 @@
 //! | [`ControlRequest`], [`ControlResponse`] | `control` | – |
 //!
 //! Every struct is `#[repr(C)]`, has no hidden padding, and carries a versioned type name. A reader of another version
-//! finds no channel instead of misreading one. A change of a field raises the number in the name, and changes
-//! `docs/projector-driver.md` and `include/fringeflow.h`.
+//! finds no channel, instead of misreading one. When a field changes, the number in the type name is increased, and
+//! `docs/projector-driver.md` and `include/fringeflow.h` are updated.
 //!
 //! Times are nanoseconds of `CLOCK_MONOTONIC`. `published` numbers the messages of a channel without gaps, also across
-//! restarts of the publisher. A gap at the receiver is a loss in the channel, and the receiver counts it.
+//! restarts of the publisher. The receiver counts a gap as messages lost in the channel.
 //!
 //! [`synchronization`] finds the images that belong together:
 //!
@@ -75,9 +75,9 @@ pub use frame::{FrameHeader, flags};
 pub use fringeflow_base::grey::PixelFormat;
 pub use health_report::{GAUGES, GaugeReport, HealthReport};
 pub use incident::Incident;
-pub use maps::{Block, CloudHeader, CorrespondenceHeader, DRIFT_NUMBERS, DriftNumbers, Fit, MapsHeader};
+pub use maps::{Block, CloudHeader, CorrespondenceHeader, DELTA_PARTS, DRIFT_NUMBERS, DriftNumbers, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
 pub use report::{Counts, DropReason, Skew, Stage, StageReport};
 pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, PriorHeader, TrackingState};
 pub use window::Window;
-pub use window_report::{DELTA_PARTS, DriftReport, OUTCOMES, WindowReport};
+pub use window_report::{DriftReport, OUTCOMES, WindowReport};

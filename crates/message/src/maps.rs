@@ -3,9 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::{DELTA_PARTS, Window};
+use crate::Window;
 
-/// Unit of a payload of typed values, aligned to a cache line.
+/// Bins of the histogram of δ, from −π to π rad.
+pub const DELTA_PARTS: usize = 512;
+
+/// Unit of a payload with typed values, aligned to a cache line.
 #[repr(C)]
 #[repr(align(64))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
@@ -15,15 +18,15 @@ pub struct Block(
     pub [u8; 64],
 );
 
-/// Fit of the sinusoids to the images of one camera, and motion of the scene. See `fringeflow::phase::FitStatistics` and
-/// `fringeflow::phase::Motion`.
+/// Fit of the sinusoids to the images of one camera, and motion of the scene. See `fringeflow::phase::FitStatistics`
+/// and `fringeflow::phase::Motion`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.Fit.3")]
 pub struct Fit {
     /// Number of valid pixels.
     pub valid_pixels: u64,
-    /// Pixels that saw more than one surface and were decoded from part of their images.
+    /// Pixels that saw more than one surface and were decoded from a part of their images.
     pub one_surface_pixels: u64,
     /// Pixels left out because of motion.
     pub lost_pixels: u64,
@@ -47,11 +50,11 @@ pub struct Fit {
     pub brightness_share: f32,
     /// Amplitude of the second harmonic of the fringes ÷ modulation; negative if the phase shifts cannot show it.
     pub second_harmonic_share: f32,
-    /// The same for the third harmonic.
+    /// Amplitude of the third harmonic, likewise.
     pub third_harmonic_share: f32,
 }
 
-/// Numbers of a drift, see `fringeflow::correspondence::KnownDrift`.
+/// Number of values of a drift, see `fringeflow::correspondence::KnownDrift`.
 pub const DRIFT_NUMBERS: usize = 22;
 
 /// A drift of the calibration; all 0 if unknown.
@@ -62,7 +65,7 @@ pub type DriftNumbers = [f32; DRIFT_NUMBERS];
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.MapsHeader.6")]
 pub struct MapsHeader {
-    /// Maps that the channel has carried before.
+    /// Number of maps published on the channel before this one.
     pub published: u64,
     /// The images.
     pub window: Window,
@@ -74,7 +77,7 @@ pub struct MapsHeader {
     pub skew_ns: i64,
     /// Drift known from earlier clouds.
     pub known_drift: DriftNumbers,
-    /// Windows refused so far because their images do not show the declared phase shifts.
+    /// Number of windows refused so far because their images do not show the declared phase shifts.
     pub refused_windows: u64,
     /// Width of the images of both cameras, pixels.
     pub width_px: u32,
@@ -87,7 +90,7 @@ pub struct MapsHeader {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.CorrespondenceHeader.7")]
 pub struct CorrespondenceHeader {
-    /// Maps that the channel has carried before.
+    /// Number of correspondence maps published on the channel before this one.
     pub published: u64,
     /// The images.
     pub window: Window,
@@ -122,7 +125,7 @@ pub struct CorrespondenceHeader {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.CloudHeader.5")]
 pub struct CloudHeader {
-    /// Clouds that the channel has carried before.
+    /// Number of clouds published on the channel before this one.
     pub published: u64,
     /// The images.
     pub window: Window,

@@ -11,11 +11,11 @@ pub const PATTERN_FRINGES: u32 = 1;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.PatternEvent.1")]
 pub struct PatternEvent {
-    /// Start of the driver. A restarted driver has a new session.
+    /// Identifies the start of the driver. A restarted driver has a new session.
     pub session: u64,
     /// Number of the pattern in the session, without gaps.
     pub sequence: u64,
-    /// Start of the exposure that this pattern lights.
+    /// Start of the exposure with this pattern.
     pub exposure_start_ns: u64,
     /// Duration of the pattern, nanoseconds.
     pub duration_ns: u64,

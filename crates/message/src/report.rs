@@ -7,7 +7,7 @@ use crate::Incident;
 use crate::codes::codes;
 
 codes! {
-    /// A stage of the pipeline. The meaning says what it counts.
+    /// A stage of the pipeline. The meaning states what it counts.
     pub enum Stage {
         Camera1 = 0, "camera1", "images of camera 1, captured";
         Camera2 = 1, "camera2", "images of camera 2, captured";
@@ -38,31 +38,31 @@ codes! {
         BadTime = 9, "bad_time", "its time stamp is impossible";
         Incomplete = 10, "incomplete", "an image before it is missing, so its window is not complete";
         BetweenWindows = 11, "between_windows", "the window stride skips the window that ends with it";
-        NextStageBusy = 12, "next_stage_busy", "the next stage still worked on an earlier one";
+        NextStageBusy = 12, "next_stage_busy", "the next stage was still busy with an earlier one";
         NoCorrespondence = 13, "no_correspondence", "no measurable correspondence in the images";
         EmptyCloud = 14, "empty_cloud", "no point was found";
         QueueFull = 15, "queue_full", "the queue to the disk was full";
-        DiskFull = 16, "disk_full", "no room left on the disk";
+        DiskFull = 16, "disk_full", "the disk was full";
         NotRecording = 17, "not_recording", "no recording was running";
-        Restart = 18, "restart", "the service died while it worked on it, or was not running";
+        Restart = 18, "restart", "the service died while processing it, or was not running";
         Stopped = 19, "stopped", "the run ended before it was processed";
         NoSample = 20, "no_sample", "no free sample was left in the channel";
         Malformed = 21, "malformed", "the message contradicts itself";
-        Injected = 22, "injected", "a fault that the configuration asks of the virtual scanner";
+        Injected = 22, "injected", "a fault injected by the virtual scanner, as configured";
         HiddenLoss = 23, "hidden_loss", "its images show that one was lost, though no number is missing";
         HiddenDuplicate = 24, "hidden_duplicate", "its images show that one arrived twice, though no number repeats";
-        HiddenSwap = 25, "hidden_swap", "its images show that two are exchanged, though their numbers are in order";
-        WrongImage = 26, "wrong_image", "one of its images shows something else";
+        HiddenSwap = 25, "hidden_swap", "its images show that two were swapped, though their numbers are in order";
+        WrongImage = 26, "wrong_image", "one of its images does not belong to the sequence";
         UnexplainedImages = 27, "unexplained_images", "its images fit no sequence of the pattern steps";
-        Thinned = 28, "thinned", "the stage worked on an earlier one and took a newer one afterwards";
+        Thinned = 28, "thinned", "the stage was busy with an earlier one and then took a newer one";
         NotTracked = 29, "not_tracked", "the cloud was not found on the model";
         Beginning = 30, "beginning", "its session has just started, so its window is not complete";
     }
 }
 
-/// Drop reasons that a report has room for.
+/// Maximum number of drop reasons in a report.
 const REASONS: usize = 32;
-/// Kinds of incidents that a report has room for.
+/// Maximum number of kinds of incidents in a report.
 const INCIDENTS: usize = 16;
 
 /// Items of a stage since the start of the instance: `taken = passed + Σ dropped + in work`.
@@ -89,9 +89,9 @@ pub struct Skew {
     pub pairs: u64,
     /// Sum over the pairs, nanoseconds.
     pub sum_ns: i64,
-    /// Smallest.
+    /// Minimum, nanoseconds.
     pub least_ns: i64,
-    /// Greatest.
+    /// Maximum, nanoseconds.
     pub greatest_ns: i64,
 }
 
@@ -102,7 +102,7 @@ pub struct Skew {
 pub struct StageReport {
     /// [`Stage`].
     pub stage: u32,
-    /// Process that reports.
+    /// Process ID of the service.
     pub pid: u32,
     /// Restarts of the service in this instance.
     pub restarts: u32,
@@ -135,7 +135,7 @@ impl Counts {
         self.dropped[reason as usize] += count;
     }
 
-    /// The sum of two counts.
+    /// Returns the sum of two counts.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         Self {
@@ -176,7 +176,7 @@ impl Counts {
         self.dropped.iter().sum()
     }
 
-    /// Items taken that are neither passed nor dropped; `None` if more left than came.
+    /// Items taken that are neither passed on nor dropped; `None` if their number would be negative.
     #[must_use]
     pub fn in_work(&self) -> Option<u64> {
         self.taken.checked_sub(self.passed)?.checked_sub(self.all_dropped())
@@ -222,8 +222,8 @@ impl Skew {
 }
 
 impl DropReason {
-    /// Whether something was lost that should not have been. The other reasons are decisions, or the item held nothing
-    /// to measure. A new reason is a loss unless it is listed here.
+    /// Whether the reason is a loss: something that should not happen. The other reasons are decisions, or the item
+    /// contained nothing to measure. A new reason is a loss unless it is listed here.
     #[must_use]
     pub fn is_loss(self) -> bool {
         !matches!(

@@ -22,19 +22,19 @@ codes! {
         TooFewInCommon = 1, "too_few_in_common", "the overlap with the model is too small";
         ResidualTooLarge = 2, "residual_too_large", "the distances to the model are too large";
         Degenerate = 3, "degenerate", "the surface does not determine the pose: some motion hardly changes the distances";
-        NotConverged = 4, "not_converged", "the last iterations still moved the cloud";
+        NotConverged = 4, "not_converged", "the cloud still moved in the last iterations";
     }
 }
 
 /// Pose of camera 1 at a cloud, in the frame of the model. That frame is the pose of camera 1 at the first cloud.
 ///
-/// The earlier clouds of the model determine a pose: those whose reports have the same `first_cloud`, in their order.
-/// The fields of the pose are 0 if the cloud was lost.
+/// The pose was computed from the earlier clouds of the model: those whose reports have the same `first_cloud`, in
+/// their order. If the cloud was lost, the fields of the pose are 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.PoseReport.2")]
 pub struct PoseReport {
-    /// Reports that the channel has carried before.
+    /// Number of reports published on the channel before this one.
     pub published: u64,
     /// Number of the cloud in its channel.
     pub cloud: u64,
@@ -48,11 +48,12 @@ pub struct PoseReport {
     pub position_m: [f64; 3],
     /// Rotation of camera 1 as a quaternion: x, y, z, w.
     pub rotation: [f64; 4],
-    /// Covariance of the pose error, a small motion `x + t + ω × x` in the frame of the model: t (metres), then ω (rad).
+    /// Covariance of the pose error, a small motion `x + t + ω × x` in the frame of the model: t (metres), then ω
+    /// (rad).
     pub covariance: [[f64; 6]; 6],
-    /// Standard deviation of the position of the model's centre, all directions together, metres.
+    /// Standard deviation of the position of the model centre, combined over all directions, metres.
     pub sd_m: f64,
-    /// Standard deviation of the rotation, all axes together, rad.
+    /// Standard deviation of the rotation, combined over all axes, rad.
     pub sd_rad: f64,
     /// Root mean square of the distances to the planes of the model, metres.
     pub rms_m: f64,
@@ -72,23 +73,23 @@ pub struct PoseReport {
     pub reason: u32,
 }
 
-/// Prior of the next windows, from a cloud: motion of the scanner, coarse depth, and drift of the calibration. See
-/// `fringeflow::prior`.
+/// Prior of the next windows, computed from a cloud: motion of the scanner, coarse depth, and drift of the calibration.
+/// See `fringeflow::prior`.
 ///
-/// The payload is the coarse depth: one inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of camera 1,
-/// row by row, in units of 30/65535 of 1/m, 0 where the cloud has no point. If nothing is known the payload is empty and the
-/// motion is 0.
+/// The payload is the coarse depth: one inverse depth (`u16`, little-endian) for each square of 16 × 16 pixels of
+/// camera 1, row by row, in units of 30/65535 of 1/m, or 0 if the cloud has no point in the square. If nothing is
+/// known, the payload is empty and the motion is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.PriorHeader.2")]
 pub struct PriorHeader {
-    /// Messages that the channel has carried before, one for each pose report.
+    /// Number of messages published on the channel before this one; there is one for each pose report.
     pub published: u64,
     /// Number of the cloud in its channel.
     pub cloud: u64,
     /// Time of the cloud, the midpoint of its exposures.
     pub centre_ns: u64,
-    /// When it was published. A window takes the last prior published before the arrival of its last image.
+    /// When the prior was published. A window uses the last prior published before the arrival of its last image.
     pub published_ns: u64,
     /// Velocity of camera 1 in its own frame, m/s.
     pub velocity_m_s: [f64; 3],
@@ -102,7 +103,7 @@ pub struct PriorHeader {
     pub drift: DriftNumbers,
 }
 
-/// Describes the points of the model that viewers get: a subset of limited size.
+/// Describes the points of the model for viewers: a subset of limited size.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.ModelHeader.1")]
@@ -115,24 +116,24 @@ pub struct ModelHeader {
     pub model_points: u64,
     /// Points in the payload, of [`MODEL_POINT_BYTES`] each.
     pub points: u64,
-    /// Voxel size of the subset, one point a voxel, metres; 0 if all points are shown.
+    /// Voxel size of the subset, which has one point per voxel, metres; 0 if all points are shown.
     pub voxel_m: f64,
-    /// Time of the last cloud in it, the midpoint of its exposures.
+    /// Time of the last cloud in the model, the midpoint of its exposures.
     pub centre_ns: u64,
-    /// When it was published.
+    /// When the message was published.
     pub published_ns: u64,
 }
 
-/// Bytes of a point of the model: x, y, z and standard deviation (`f32`, metres), clouds that measured it (`u16`), grey level
-/// (`u8`), 0; little-endian.
+/// Size of a point of the model, bytes. Its fields are x, y, z and standard deviation (`f32`, metres), the number of
+/// clouds that measured it (`u16`), its grey level (`u8`), and 0; little-endian.
 pub const MODEL_POINT_BYTES: usize = 20;
 
 impl PriorHeader {
-    /// Longest latency of a message to its receiver, nanoseconds.
+    /// Maximum latency of a message to its receiver, nanoseconds.
     const LATENCY_NS: u64 = 1_000_000;
 
-    /// Whether a window whose last image arrived at `received_ns` may take this prior. By then every receiver has it, live
-    /// and in a replay.
+    /// Whether a window whose last image arrived at `received_ns` may use this prior. By then every receiver has the
+    /// prior, both live and in a replay.
     #[must_use]
     pub fn is_settled_at(&self, received_ns: u64) -> bool {
         self.published_ns.saturating_add(Self::LATENCY_NS) <= received_ns
@@ -140,13 +141,13 @@ impl PriorHeader {
 }
 
 impl PoseReport {
-    /// Tracking state of the cloud; `None` for an unknown code.
+    /// Returns the tracking state of the cloud; `None` for an unknown code.
     #[must_use]
     pub fn state(&self) -> Option<TrackingState> {
         TrackingState::from_code(self.state)
     }
 
-    /// Why the cloud was lost, if it was.
+    /// Returns the reason why the cloud was lost; `None` if it was not lost.
     #[must_use]
     pub fn reason(&self) -> Option<LostReason> {
         LostReason::from_code(self.reason)

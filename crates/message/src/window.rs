@@ -26,18 +26,18 @@ pub struct Window {
     pub last_exposure_ns: u64,
     /// Midpoint of both, which is the time of the cloud.
     pub centre_ns: u64,
-    /// Arrival of the last image on this machine.
+    /// Arrival of the last image on this computer.
     pub received_ns: u64,
-    /// 1 + the number of the prior (message on `tracking/prior`) that the images were decoded with; 0 for none.
+    /// 1 + the number of the prior (message on `tracking/prior`) that was used to decode the images; 0 for none.
     pub prior: u64,
-    /// Number of image pairs: N of a cycle, and more where motion is compensated.
+    /// Number of image pairs: N for a cycle, or more if motion is compensated.
     pub images: u32,
     /// Step of the first pair. The next pairs have the next steps.
     pub first_step: u32,
 }
 
 impl Window {
-    /// Number of the prior that the images were decoded with.
+    /// Returns the number of the prior that was used to decode the images.
     #[must_use]
     pub fn prior_number(&self) -> Option<u64> {
         self.prior.checked_sub(1)

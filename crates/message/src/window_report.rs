@@ -3,11 +3,9 @@
 use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::{Fit, HealthReport, Window};
+use super::{DELTA_PARTS, Fit, HealthReport, Window};
 
-/// Bins of the histogram of δ, from −π to π rad.
-pub const DELTA_PARTS: usize = 512;
-/// Outcomes that a report has room for.
+/// Maximum number of outcomes in a report.
 pub const OUTCOMES: usize = 32;
 
 /// Error of the calibration in one window.
@@ -15,15 +13,16 @@ pub const OUTCOMES: usize = 32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.DriftReport.2")]
 pub struct DriftReport {
-    /// δ that it causes, root mean square over the measurement volume, rad.
+    /// δ caused by the drift, root mean square over the measurement volume, rad.
     pub rms_rad: f64,
-    /// Errors of the calibration parameters that explain it, root of the sum of squares, pixels at the image border.
+    /// Errors of the calibration parameters that explain the drift, root of the sum of squares, pixels at the image
+    /// border.
     pub error_px: f64,
-    /// Share of pixels with a candidate that agrees with it, in [0, 1].
+    /// Share of pixels with a candidate that agrees with the drift, in [0, 1].
     pub share: f64,
-    /// Standard deviation of δ about it, rad.
+    /// Standard deviation of δ about the drift, rad.
     pub residual_sd_rad: f64,
-    /// 1 if the drift was measured; else all fields are 0.
+    /// 1 if the drift was measured; otherwise all fields are 0.
     pub is_measured: u64,
 }
 
@@ -35,7 +34,7 @@ impl DriftReport {
     }
 }
 
-/// Figures of one window: fringes, δ, and the outcomes of the pixels of camera 1.
+/// Results for one window: fringes, δ, and the outcomes of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
 #[type_name("fringeflow.WindowReport.5")]
@@ -62,7 +61,8 @@ pub struct WindowReport {
     pub mean_periods: f64,
     /// Expected false candidates per true one, efc (paper, Eq. 1).
     pub expected_false_candidates: f64,
-    /// Steps by which the images of C1 and C2 were ahead of the declared phase shifts. The phases were corrected.
+    /// Number of steps by which the images of C1 and C2 were ahead of the declared phase shifts. The phases were
+    /// corrected.
     pub slip_steps: [i32; 2],
     /// Drift of the calibration. The paper's resolution does not measure it.
     pub drift: DriftReport,

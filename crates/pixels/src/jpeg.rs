@@ -1,29 +1,31 @@
 //! Luma of a JPEG image.
 //!
-//! JPEG has no checksum: damage that leaves the codes of a scan readable goes unnoticed here. Drivers mark such images.
+//! JPEG has no checksum. Damage that leaves the Huffman codes of a scan readable is therefore not noticed here; drivers
+//! mark such images.
 
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::UnpackError;
+use super::error::UnpackError;
 use super::jpeg_structure;
 
-/// Start of an image, and an `AVI1` segment: it makes the decoder use the standard tables where tables are missing.
+/// Start of an image, and an `AVI1` segment. The segment makes the decoder use the standard Huffman tables if the image
+/// has none.
 const START: [u8; 11] = *b"\xff\xd8\xff\xe0\x00\x07AVI1\0";
-/// Replaces the marker of the end. A decoder that meets this marker too early fills up the missing part; without it, it
-/// fails. Only damage that these bytes can hide goes unnoticed, a few blocks at most. The decoder reads up to eight
-/// bytes ahead.
-const INSTEAD_OF_END: [u8; 16] = [0; 16];
-/// Bytes of the markers of start and end.
-const MARK_BYTES: usize = 2;
+/// Replaces the end marker. If a decoder meets the end marker too early, it fills up the missing part; without the
+/// marker it fails. Only damage that these zero bytes can hide is not noticed: a few blocks at most. The decoder reads
+/// up to eight bytes ahead.
+const END_PADDING: [u8; 16] = [0; 16];
+/// Size of the start marker and of the end marker, bytes.
+const MARKER_BYTES: usize = 2;
 
-/// Decodes the luma of an image of this size into `out`, which holds `width · height` bytes.
+/// Decodes the luma of an image of this size into `out`. `out` has `width · height` bytes.
 pub(super) fn decode(source: &[u8], size_px: [usize; 2], out: &mut [u8]) -> Result<(), UnpackError> {
     let length = jpeg_structure::check(source, size_px)?;
-    let inner = source.get(MARK_BYTES..length - MARK_BYTES).unwrap_or_default();
-    let image = [&START, inner, &INSTEAD_OF_END].concat();
+    let inner = source.get(MARKER_BYTES..length - MARKER_BYTES).unwrap_or_default();
+    let image = [&START, inner, &END_PADDING].concat();
     let options = DecoderOptions::default()
         .set_strict_mode(true)
         .set_max_width(size_px[0])

@@ -5,9 +5,8 @@
 //!      rows with gaps                  └──► ImageReader: region and binning of a Readout ──► the same
 //! ```
 //!
-//! No bit of depth is lost. Colour formats yield their luma as it is: whether black is 0 or 16 does not matter to a phase.
-//! Cost: the one copy of an image from the driver's buffer to shared memory. Formats that need no unpacking cost as much as
-//! copying memory.
+//! No bit of the depth is lost. Of colour formats only the luma is kept, unscaled: a constant offset such as a black
+//! level of 16 does not change the phase.
 //!
 //! ```
 //! use fringeflow_pixels::{SourceFormat, unpack};
@@ -22,6 +21,7 @@
 
 #![forbid(unsafe_code)]
 
+mod error;
 mod jpeg;
 mod jpeg_structure;
 mod read_out;
@@ -32,6 +32,7 @@ mod unpack;
 #[cfg(test)]
 mod tests;
 
+pub use error::UnpackError;
 pub use read_out::ImageReader;
 pub use source_format::{SourceFormat, UnknownFormat};
-pub use unpack::{UnpackError, unpack};
+pub use unpack::unpack;

@@ -1,16 +1,18 @@
 //! Region and binning of an image.
 //!
-//! Binning loses nothing: the four values of a square are added to one value with two more bits, so an image with half
-//! the sides has the noise of four pixels. With 16 bits there is no room, and the mean is taken.
+//! Binning loses no precision: the four values of a square are added to one value with two more bits. So an image of
+//! half the width and height has the noise of four averaged pixels. With 16 bits there are no two bits left, so the
+//! mean is used.
 
 use fringeflow::geometry::Readout;
 use fringeflow_base::grey::PixelFormat;
 
-use super::unpack::{self, UnpackError, unpack};
+use super::error::UnpackError;
+use super::unpack::{self, unpack};
 use super::{SourceFormat, rows};
 
-/// Converts the images of a camera to those of the channels. Keeps memory for a whole image where the camera's image
-/// must be unpacked before a region is taken.
+/// Converts the images of a camera to those of the channels. If an image must be unpacked before a region is taken, the
+/// reader holds memory for a whole image.
 #[derive(Clone, Debug)]
 pub struct ImageReader {
     format: SourceFormat,
@@ -19,7 +21,7 @@ pub struct ImageReader {
 }
 
 impl ImageReader {
-    /// A reader for camera images in a format, of the size of the readout's sensor.
+    /// Creates a reader for camera images of this format. They have the size of the sensor of `readout`.
     #[must_use]
     pub fn new(format: SourceFormat, readout: Readout) -> Self {
         Self { format, readout, whole: Vec::new() }
@@ -37,14 +39,14 @@ impl ImageReader {
         self.readout.image_size_px()
     }
 
-    /// Bytes of a converted image.
+    /// Size of a converted image, bytes.
     #[must_use]
     pub fn image_bytes(&self) -> usize {
         let [width, height] = self.image_size_px();
         width * height * self.pixel_format().bytes()
     }
 
-    /// Bytes of a row of a whole image in the format of the channels.
+    /// Size of a row of a whole image in the format of the channels, bytes.
     #[must_use]
     pub fn whole_row_bytes(&self) -> usize {
         self.readout.sensor_px()[0] * self.format.pixel_format().bytes()
@@ -57,10 +59,10 @@ impl ImageReader {
         self.readout.is_whole() && is_stored && stride_bytes == self.whole_row_bytes()
     }
 
-    /// Writes the grey levels of the region to `out`, in rows without gaps; otherwise as [`unpack`].
+    /// Writes the grey levels of the region to `out`, in rows without gaps. The arguments are those of [`unpack`].
     ///
     /// # Errors
-    /// [`UnpackError`]; `out` then holds no image.
+    /// [`UnpackError`]; the content of `out` is then undefined.
     pub fn read(&mut self, source: &[u8], stride_bytes: usize, out: &mut [u8]) -> Result<(), UnpackError> {
         let (format, sensor_px) = (self.format, self.readout.sensor_px());
         if self.readout.is_whole() {
@@ -81,8 +83,8 @@ impl ImageReader {
     }
 }
 
-/// `source`: a whole image with rows of `stride_bytes`; `out`: the rows of the region, without gaps. Sizes were
-/// checked.
+/// Copies the region of `source`, a whole image with rows of `stride_bytes`, to `out`, in rows without gaps. The caller
+/// has checked the sizes.
 fn read_out(readout: &Readout, format: PixelFormat, source: &[u8], stride_bytes: usize, out: &mut [u8]) {
     let [x, y, width, _] = readout.region();
     let (from, bytes) = (x * format.bytes(), width * format.bytes());
@@ -96,14 +98,14 @@ fn read_out(readout: &Readout, format: PixelFormat, source: &[u8], stride_bytes:
         match format {
             PixelFormat::Grey => add_bytes(upper, lower, out),
             PixelFormat::Y16 => add_words(upper, lower, out, |sum| ((sum + 2) >> 2) as u16),
-            // A camera that sets bits beyond its depth sends too bright a value as well.
+            // If a camera sets bits beyond its depth, the sum can exceed 16 bits; it is then limited.
             _ => add_words(upper, lower, out, |sum| sum.min(u16::MAX.into()) as u16),
         }
     }
 }
 
-/// Adds squares of 8-bit values to 10-bit values. A pair is read as a 16-bit number: the compiler vectorizes its shifts
-/// and sums.
+/// Adds the values of squares of 8-bit pixels to 10-bit values. A pair of pixels is read as a 16-bit number, so that
+/// the compiler vectorizes the shifts and sums.
 fn add_bytes(upper: &[u8], lower: &[u8], out: &mut [u8]) {
     let sum = |&pair: &[u8; 2]| {
         let pair = u16::from_le_bytes(pair);
@@ -115,7 +117,7 @@ fn add_bytes(upper: &[u8], lower: &[u8], out: &mut [u8]) {
     }
 }
 
-/// Adds squares of 16-bit values; a pair is read as a 32-bit number.
+/// Adds the values of squares of 16-bit pixels. A pair of pixels is read as a 32-bit number.
 fn add_words(upper: &[u8], lower: &[u8], out: &mut [u8], value_of: impl Fn(u32) -> u16) {
     let sum = |&pair: &[u8; 4]| {
         let pair = u32::from_le_bytes(pair);

@@ -1,12 +1,13 @@
-//! Rows of each layout, as the V4L2 documentation of the kernel describes them.
+//! Conversion of one row of each layout, as described in the V4L2 documentation of the kernel.
 //!
-//! In: a row of the source, at least as long as the format's least stride. Out: a row of the result. Sizes were checked
-//! before. The loops run over groups of a fixed number of bytes without branches, so that the compiler vectorizes them.
+//! In: a row of the source, at least as long as the minimum stride of the format. Out: a row of the result. The caller
+//! has checked the sizes. The loops run over groups of a fixed number of bytes without branches, so that the compiler
+//! vectorizes them.
 
 /// Converts a row of the source to a row of the result.
 pub(super) type Row = fn(&[u8], &mut [u8]);
 
-/// Copies rows of `row_bytes`; all rows at once where the source has no gaps.
+/// Copies rows of `row_bytes`, or all rows at once if the source has no gaps.
 pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8]) {
     if stride_bytes == row_bytes {
         out.copy_from_slice(&source[..out.len()]);
@@ -17,7 +18,7 @@ pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &m
 
 /// Unpacks row by row; a row of the result has `row_bytes`.
 pub(super) fn each(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8], unpack: Row) {
-    // An image without pixels has no rows either.
+    // An image without pixels has no rows; `chunks` must not get 0.
     let rows = source.chunks(stride_bytes.max(1));
     for (row, out) in rows.zip(out.chunks_exact_mut(row_bytes.max(1))) {
         unpack(row, out);
@@ -81,14 +82,15 @@ pub(super) fn luma_second(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| (pair >> 8) as u8);
 }
 
-/// A pair is read as a 16-bit little-endian number: the compiler vectorizes its shifts and casts.
+/// Reads pairs as 16-bit little-endian numbers, so that the compiler vectorizes the shifts and casts.
 fn every_second(row: &[u8], out: &mut [u8], luma: impl Fn(u16) -> u8) {
     for (grey, &pair) in out.iter_mut().zip(row.as_chunks::<2>().0) {
         *grey = luma(u16::from_le_bytes(pair));
     }
 }
 
-/// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each; of the last group as many as fit into the row.
+/// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each. Of the last group, only as many grey levels are
+/// written as fit into the row.
 fn groups<const BYTES: usize, const PIXELS: usize>(
     row: &[u8],
     out: &mut [u8],
@@ -96,18 +98,18 @@ fn groups<const BYTES: usize, const PIXELS: usize>(
 ) {
     let (groups, _) = row.as_chunks::<BYTES>();
     let whole = out.len() / (2 * PIXELS);
-    let mut places = out.chunks_exact_mut(2 * PIXELS);
-    for (place, group) in (&mut places).zip(groups) {
-        put(place, unpack(group));
+    let mut slots = out.chunks_exact_mut(2 * PIXELS);
+    for (slot, group) in (&mut slots).zip(groups) {
+        put(slot, unpack(group));
     }
     if let Some(group) = groups.get(whole) {
-        put(places.into_remainder(), unpack(group));
+        put(slots.into_remainder(), unpack(group));
     }
 }
 
 /// Writes as many grey levels as fit.
-fn put<const PIXELS: usize>(place: &mut [u8], greys: [u16; PIXELS]) {
-    for (bytes, grey) in place.as_chunks_mut::<2>().0.iter_mut().zip(greys) {
+fn put<const PIXELS: usize>(slot: &mut [u8], greys: [u16; PIXELS]) {
+    for (bytes, grey) in slot.as_chunks_mut::<2>().0.iter_mut().zip(greys) {
         *bytes = grey.to_le_bytes();
     }
 }

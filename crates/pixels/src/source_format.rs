@@ -2,7 +2,7 @@
 
 use fringeflow_base::grey::PixelFormat;
 
-/// A V4L2 pixel format that holds grey levels, or luma with colours.
+/// A V4L2 pixel format with grey levels, or with luma and colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SourceFormat {
     /// 8 bits.
@@ -20,7 +20,7 @@ pub enum SourceFormat {
     Y16BigEndian,
     /// 12 bits in the high bits of 16, little endian.
     Y012,
-    /// 10 bits, packed from the high bits on: four pixels in five bytes.
+    /// 10 bits, packed from the high bits downwards: four pixels in five bytes.
     Y10BitPacked,
     /// 10 bits in MIPI packing: the high bits of four pixels, then their low bits in a fifth byte.
     Y10Mipi,
@@ -38,15 +38,15 @@ pub enum SourceFormat {
     Vyuy,
     /// A plane of luma, then one of colours at half the width and height.
     Nv12,
-    /// As [`Self::Nv12`], colours in the other order.
+    /// As [`Self::Nv12`], with the colours in the other order.
     Nv21,
     /// A plane of luma, then one of colours at half the width.
     Nv16,
-    /// As [`Self::Nv16`], colours in the other order.
+    /// As [`Self::Nv16`], with the colours in the other order.
     Nv61,
     /// A plane of luma, then two of colours at half the width and height.
     Yuv420,
-    /// As [`Self::Yuv420`], colours in the other order.
+    /// As [`Self::Yuv420`], with the colours in the other order.
     Yvu420,
     /// As [`Self::Nv12`], each plane in its own buffer.
     Nv12Planes,
@@ -56,22 +56,22 @@ pub enum SourceFormat {
     Yuv420Planes,
     /// As [`Self::Yvu420`], each plane in its own buffer.
     Yvu420Planes,
-    /// A JPEG image, perhaps without its Huffman tables.
+    /// A JPEG image, possibly without Huffman tables.
     Mjpeg,
     /// A JPEG image.
     Jpeg,
 }
 
-/// An unknown name of a format.
+/// A name that is not a known format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{name:?} is no pixel format that can be read; known are {}", known())]
+#[error("{name:?} is not a readable pixel format; it must be one of {}", known())]
 pub struct UnknownFormat {
     /// The name.
     pub name: String,
 }
 
-/// Every format with the four letters of its V4L2 code, at the index of its discriminant. [`SourceFormat::Y16BigEndian`] has
-/// those of [`SourceFormat::Y16`]; its code has the highest bit set.
+/// Every format with the four letters of its V4L2 code, at the index of its discriminant.
+/// [`SourceFormat::Y16BigEndian`] has the letters of [`SourceFormat::Y16`]; its code has the highest bit set.
 const TABLE: [(SourceFormat, &[u8; 4]); 27] = [
     (SourceFormat::Grey, b"GREY"),
     (SourceFormat::Y10, b"Y10 "),
@@ -118,20 +118,20 @@ impl SourceFormat {
         TABLE[self as usize].1
     }
 
-    /// V4L2's code.
+    /// FourCC code in V4L2.
     #[must_use]
     pub fn code(self) -> u32 {
         let big_endian = if self == Self::Y16BigEndian { 1 << 31 } else { 0 };
         u32::from_le_bytes(*self.letters()) | big_endian
     }
 
-    /// The format with a V4L2 code; `None` for an unknown code.
+    /// Returns the format with this V4L2 code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.code() == code)
     }
 
-    /// Its name: the letters of V4L2's code, as `v4l2-ctl --list-formats` shows them.
+    /// Name: the letters of the V4L2 code, as listed by `v4l2-ctl --list-formats`.
     #[must_use]
     pub fn name(self) -> &'static str {
         if self == Self::Y16BigEndian {
@@ -140,7 +140,7 @@ impl SourceFormat {
         std::str::from_utf8(self.letters()).unwrap_or_default().trim_end()
     }
 
-    /// The name after `V4L2_PIX_FMT_` in the kernel's header, where it differs.
+    /// Name after `V4L2_PIX_FMT_` in the header of the kernel, if it differs.
     fn header_name(self) -> Option<&'static str> {
         match self {
             Self::Y10BitPacked => Some("Y10BPACK"),
@@ -167,13 +167,13 @@ impl SourceFormat {
         }
     }
 
-    /// Whether its images are compressed and so have no rows of a known length.
+    /// Whether the images are compressed, so that the length of a row is unknown.
     #[must_use]
     pub fn is_compressed(self) -> bool {
         matches!(self, Self::Mjpeg | Self::Jpeg)
     }
 
-    /// The smallest group of pixels that fills whole bytes: [pixels, bytes].
+    /// The smallest group of pixels that fills whole bytes: number of pixels, number of bytes.
     fn group(self) -> [usize; 2] {
         match self {
             Self::Y10 | Self::Y12 | Self::Y14 | Self::Y16 | Self::Y16BigEndian | Self::Y012 => [1, 2],
@@ -185,15 +185,15 @@ impl SourceFormat {
         }
     }
 
-    /// Bytes of a row without a gap; 0 for compressed formats.
+    /// Size of a row without a gap, bytes; 0 for compressed formats.
     #[must_use]
     pub fn least_stride_bytes(self, width_px: usize) -> usize {
         let [pixels, bytes] = self.group();
         if self.is_compressed() { 0 } else { width_px.div_ceil(pixels).saturating_mul(bytes) }
     }
 
-    /// Fewest bytes of an image: up to the end of the last row of luma, without the gap after it. A compressed image
-    /// has at least a start and an end.
+    /// Minimum size of an image, bytes: up to the end of the last row of luma, without the gap after it. A compressed
+    /// image has at least a start and an end marker.
     #[must_use]
     pub fn least_bytes(self, [width_px, height_px]: [usize; 2], stride_bytes: usize) -> usize {
         if self.is_compressed() {
@@ -225,14 +225,14 @@ impl std::fmt::Display for SourceFormat {
 impl std::str::FromStr for SourceFormat {
     type Err = UnknownFormat;
 
-    /// Parses a name of `v4l2-ctl` or of the kernel's header.
+    /// Parses a name from `v4l2-ctl` or from the header of the kernel.
     fn from_str(name: &str) -> Result<Self, UnknownFormat> {
         let known = Self::ALL.into_iter().find(|format| format.name() == name || format.header_name() == Some(name));
         known.ok_or_else(|| UnknownFormat { name: name.to_owned() })
     }
 }
 
-/// The names of all formats.
+/// Returns the names of all formats.
 fn known() -> String {
     SourceFormat::ALL.map(SourceFormat::name).join(", ")
 }

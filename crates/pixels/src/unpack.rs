@@ -1,80 +1,20 @@
-//! One image: sizes are checked, then rows converted from the camera's layout to that of the channel.
+//! Converts one image: checks the sizes, then converts the rows from the layout of the camera to that of the channel.
 
 use fringeflow_base::grey::PixelFormat;
 
-use super::SourceFormat;
+use super::error::UnpackError;
 use super::jpeg;
 use super::rows::{self, Row};
-
-/// Why the bytes of a camera are no image.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum UnpackError {
-    /// The image is truncated.
-    #[error(
-        "{format} image of {width_px} × {height_px} pixels has {found} bytes; with rows of {stride_bytes} bytes it has at \
-         least {least}"
-    )]
-    Short {
-        /// Its format.
-        format: SourceFormat,
-        /// Width, pixels.
-        width_px: usize,
-        /// Height, pixels.
-        height_px: usize,
-        /// Bytes from one row to the next.
-        stride_bytes: usize,
-        /// Bytes received.
-        found: usize,
-        /// Bytes needed.
-        least: usize,
-    },
-    /// Rows overlap.
-    #[error("{format} image of {width_px} pixels a row has rows of {stride_bytes} bytes; it needs at least {least}")]
-    Stride {
-        /// Its format.
-        format: SourceFormat,
-        /// Width, pixels.
-        width_px: usize,
-        /// Bytes from one row to the next.
-        stride_bytes: usize,
-        /// Bytes needed.
-        least: usize,
-    },
-    /// The output buffer has another size than the image.
-    #[error("{format} image of {width_px} × {height_px} pixels does not fill {found} bytes; give {expected}")]
-    Output {
-        /// Its format.
-        format: SourceFormat,
-        /// Width, pixels.
-        width_px: usize,
-        /// Height, pixels.
-        height_px: usize,
-        /// Bytes of the buffer.
-        found: usize,
-        /// Bytes of the image.
-        expected: usize,
-    },
-    /// The JPEG image has another size than expected.
-    #[error("JPEG image is {} × {} pixels; expected {} × {}", found_px[0], found_px[1], expected_px[0], expected_px[1])]
-    JpegSize {
-        /// Width and height found.
-        found_px: [usize; 2],
-        /// Width and height expected.
-        expected_px: [usize; 2],
-    },
-    /// The JPEG image is broken, or of a kind that cameras do not send.
-    #[error("JPEG image cannot be decoded: {0}")]
-    Jpeg(String),
-}
+use super::source_format::SourceFormat;
 
 /// Writes the grey levels of an image to `out`, in rows without gaps, in the format's
 /// [`pixel_format`](SourceFormat::pixel_format).
 ///
-/// `source` is the buffer of the driver; for formats with a buffer per plane, the first one. The stride is ignored for
-/// compressed formats.
+/// `source` is the buffer of the driver; if the format has one buffer per plane, it is the first one. The stride is
+/// ignored for compressed formats.
 ///
 /// # Errors
-/// [`UnpackError`]; `out` then holds no image.
+/// [`UnpackError`]; the content of `out` is then undefined.
 pub fn unpack(
     format: SourceFormat,
     source: &[u8],
@@ -95,7 +35,7 @@ pub fn unpack(
     Ok(())
 }
 
-/// Converts a row of this format to one of the channel; `None` where both are the same.
+/// Returns the conversion of a row from this format to that of the channel; `None` if both are the same.
 fn row_converter(format: SourceFormat) -> Option<Row> {
     Some(match format {
         SourceFormat::Y16BigEndian => rows::y16_big_endian,

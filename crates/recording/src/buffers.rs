@@ -1,4 +1,4 @@
-//! A pool of buffers for the messages that wait for the disk. The total size is bounded; buffers are reused.
+//! A pool of buffers for the messages that wait for the disk. The total size is limited; buffers are reused.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -24,7 +24,7 @@ pub(super) struct BufferPool {
 struct State {
     /// Buffers that can be reused.
     free: Vec<Encoded>,
-    /// Bytes of all buffers, used or free.
+    /// Total size of all buffers, used or free, bytes.
     bytes: usize,
 }
 
@@ -33,13 +33,13 @@ impl BufferPool {
         Self { limit_bytes, state: Mutex::default() }
     }
 
-    /// A buffer with room for `bytes`; `None` if that exceeds the limit.
+    /// Returns a buffer with room for `bytes`; `None` if the limit would be exceeded.
     pub(super) fn take(&self, bytes: usize) -> Option<Encoded> {
         let mut state = self.lock();
         if let Some(i) = state.free.iter().rposition(|buffer| buffer.bytes.capacity() >= bytes) {
             return Some(state.free.swap_remove(i));
         }
-        // Free buffers that are too small make room for a larger one.
+        // If the free buffers are too small, some are dropped so that a larger one fits within the limit.
         while state.bytes.saturating_add(bytes) > self.limit_bytes {
             let freed = state.free.pop()?;
             state.bytes = state.bytes.saturating_sub(freed.bytes.capacity());
@@ -61,7 +61,7 @@ impl BufferPool {
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
-        // No code that holds the lock can panic in the middle of a change, so a poisoned state is valid.
+        // No code panics while it changes the state, so the state is valid even if the lock is poisoned.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_total_is_bounded_and_a_returned_buffer_is_reused() {
+    fn the_total_size_is_limited_and_a_returned_buffer_is_reused() {
         let buffers = BufferPool::new(1000);
         let first = buffers.take(600).unwrap();
         assert!(buffers.take(600).is_none());
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn free_buffers_that_are_too_small_make_room() {
+    fn free_buffers_that_are_too_small_are_dropped_for_a_larger_one() {
         let buffers = BufferPool::new(1000);
         let small = buffers.take(600).unwrap();
         buffers.give_back(small);

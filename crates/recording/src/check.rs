@@ -1,6 +1,6 @@
 //! Checks a recording: reads every message and compares it with the others.
 //!
-//! Opening has checked checksums, counts and headers already. This checks the content.
+//! Opening a recording already checks checksums, counts and headers. This module checks the content.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub struct Check {
     pub missing_patterns: u64,
     /// Number of clouds.
     pub clouds: u64,
-    /// Clouds with a missing image, although their window began within the recording.
+    /// Clouds with a missing image, although their window started within the recording.
     pub clouds_without_images: u64,
     /// Messages that the recorder lost; `None` if unknown.
     pub lost: Option<u64>,
@@ -38,7 +38,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Whether sent messages are missing.
+    /// Whether messages that were sent are missing.
     #[must_use]
     pub fn has_losses(&self) -> bool {
         self.lost != Some(0)
@@ -56,10 +56,10 @@ impl Check {
 }
 
 impl Recording {
-    /// Reads every message and compares. Calls `progress` for each.
+    /// Reads every message and compares it with the others. Calls `progress` for each message.
     ///
     /// # Errors
-    /// The file cannot be read any more. Faults in it are part of the result.
+    /// The file can no longer be read. Faults in its content are part of the result.
     pub fn check(&self, mut progress: impl FnMut()) -> Result<Check, RecordingError> {
         let mut check = Check { lost: self.lost_messages(), ..Check::default() };
         let mut patterns: BTreeMap<u64, Vec<u64>> = BTreeMap::new();
@@ -109,7 +109,7 @@ impl Recording {
         }
     }
 
-    /// Whether the recording has all images of a cloud.
+    /// Whether the recording contains all images of a cloud.
     fn has_window(&self, header: &CloudHeader) -> bool {
         let window = &header.window;
         window.pairs().all(|[first, second]| {
@@ -139,7 +139,7 @@ fn cloud_fault(header: &CloudHeader, records: &[u8]) -> Option<String> {
     Some(format!("point {index} has a number that is not finite"))
 }
 
-/// Number of gaps in the numbers, and number of repetitions.
+/// Returns the number of gaps in the numbers, and the number of repetitions.
 fn gaps(mut numbers: Vec<u64>) -> (u64, u64) {
     numbers.sort_unstable();
     let all = numbers.len() as u64;

@@ -9,7 +9,7 @@ use fringeflow_message::{
     CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader, StageReport,
     WindowReport,
 };
-use fringeflow_wire::prior::is_whole;
+use fringeflow_wire::prior::is_consistent;
 
 use crate::convert::Convert;
 use crate::recordable::min_stride_bytes;
@@ -29,7 +29,7 @@ pub struct Message {
     pub content: Content,
 }
 
-/// Content of a message. Payloads are those of the channels.
+/// Content of a message. The payloads are the same as in the channels.
 #[derive(Clone, Debug)]
 pub enum Content {
     /// An image.
@@ -44,19 +44,19 @@ pub enum Content {
     Cloud(Box<CloudHeader>, Bytes),
     /// Report of a stage.
     Report(Box<StageReport>),
-    /// Figures of a window.
+    /// Report on the quality of a window.
     WindowReport(Box<WindowReport>),
     /// True pose of the object in the frame of the exact camera 1, metres.
     TruthPose(Pose),
     /// Pose of the scanner at a cloud.
     Pose(Box<PoseReport>),
-    /// Prior of the windows after a cloud, and payload of the channel.
+    /// Prior of the windows after a cloud, and the payload of the channel.
     Prior(Box<PriorHeader>, Bytes),
     /// A mark that a user set.
     Mark(String),
-    /// A message of the recorder about its losses.
+    /// A log message of the recorder about its losses.
     Loss(String),
-    /// Calibration or transform, repeated for viewers.
+    /// Calibration or transform that only viewers need; the measurement reads the attachments instead.
     ForViewers,
 }
 
@@ -68,7 +68,7 @@ pub(super) enum Header {
 }
 
 impl Header {
-    /// Decodes a message of a header topic.
+    /// Decodes a message of a topic with headers.
     pub(super) fn decode(topic: Topic, data: &[u8]) -> Result<Self, String> {
         let data = Bytes::copy_from_slice(data);
         let camera = match topic {
@@ -88,7 +88,7 @@ impl Header {
 }
 
 impl Content {
-    /// Decodes a message. `header` describes the message, if its topic has headers.
+    /// Decodes a message. `header` describes the message if its topic has headers.
     pub(super) fn decode(topic: Topic, header: Option<&Header>, data: Bytes) -> Result<Self, String> {
         const MAP_FAULT: &str = "field header is missing or contradicts itself";
         Ok(match (topic, header) {
@@ -124,7 +124,7 @@ impl Content {
             }
             (Topic::Prior, _) => {
                 let prior = decode::<schema::Prior>(data)?;
-                let header = prior.to_struct().filter(|header| is_whole(header, &prior.relief));
+                let header = prior.to_struct().filter(|header| is_consistent(header, &prior.relief));
                 let header = header.ok_or("field velocity_m_s, rate_rad_s or relief contradicts itself")?;
                 Self::Prior(Box::new(header), prior.relief)
             }
@@ -138,7 +138,8 @@ impl Content {
     }
 }
 
-/// Decodes a message of the schema to its struct. `fault` is the error for a message that no channel could have carried.
+/// Converts a message of the schema to its struct. `fault` is the error for a message that no channel could have
+/// carried.
 fn decode_struct<M: Convert + prost::Message + Default>(data: Bytes, fault: &str) -> Result<Box<M::Struct>, String> {
     decode::<M>(data)?.to_struct().map(Box::new).ok_or_else(|| fault.to_owned())
 }
@@ -152,10 +153,11 @@ fn image(header: &FrameHeader, data: Bytes) -> Result<Content, String> {
     let [width, height, stride] = [header.width_px, header.height_px, header.stride_bytes];
     let encoding = raw_encoding(header);
     let encoding =
-        encoding.ok_or_else(|| format!("field pixel_format is {:#x}, which is unknown", header.pixel_format))?;
+        encoding.ok_or_else(|| format!("field pixel_format is {:#x}, an unknown format", header.pixel_format))?;
     if [image.width, image.height, image.step] != [width, height, stride] || image.encoding != encoding {
         return Err(format!(
-            "the image is {} × {} pixels, {} bytes a row, {:?}; its header says {width} × {height}, {stride}, {encoding}",
+            "the image is {} × {} pixels, {} bytes per row, {:?}; its header states {width} × {height}, {stride}, \
+             {encoding}",
             image.width, image.height, image.step, image.encoding
         ));
     }

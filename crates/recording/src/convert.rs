@@ -1,6 +1,6 @@
 //! Conversion between the structs of the channels and the messages of the schema.
 //!
-//! A file may contain anything: a message that no channel could have carried becomes `None`.
+//! A file may contain anything. A message that no channel could have carried is converted to `None`.
 
 use fringeflow::correspondence::Outcome;
 use fringeflow_base::limits::MAX_IMAGES;
@@ -21,14 +21,15 @@ use crate::schema::{
 pub(super) trait Convert: Sized {
     type Struct;
 
-    /// `None` for a struct that contradicts itself.
+    /// Converts a struct to a message; `None` if the struct contradicts itself.
     fn from_struct(source: &Self::Struct) -> Option<Self>;
 
-    /// `None` for a message that no channel could have carried.
+    /// Converts a message to a struct; `None` if no channel could have carried the message.
     fn to_struct(&self) -> Option<Self::Struct>;
 }
 
-/// Implements [`Convert`]. The fields in brackets are copied in both directions; the others have one expression for each.
+/// Implements [`Convert`]. The fields in brackets are copied in both directions; the other fields have one expression
+/// for each direction.
 macro_rules! convert {
     (
         $Message:ident = $Struct:ident, copies [$($same:ident),*],
@@ -94,7 +95,7 @@ convert! {
     from header { window: Window::from_struct(&header.window), }
     to header {
         window: header.window.as_ref()?.to_struct()?,
-        // The prior after the cloud has it.
+        // The drift is recorded with the prior after the cloud.
         drift: [0.0; _],
     }
 }
@@ -125,7 +126,7 @@ convert! {
         window: header.window.as_ref()?.to_struct()?,
         cam1: header.cam1.as_ref()?.to_struct()?,
         cam2: header.cam2.as_ref()?.to_struct()?,
-        // The prior has the drift, the stage reports have the refused windows.
+        // The drift is recorded with the prior, and the refused windows with the stage reports.
         known_drift: [0.0; _],
         refused_windows: 0,
     }
@@ -209,7 +210,7 @@ convert! {
         cam1: report.cam1.as_ref()?.to_struct()?,
         cam2: report.cam2.as_ref()?.to_struct()?,
         drift: report.drift.as_ref().and_then(Drift::to_struct).unwrap_or_default(),
-        // Absent means no slip.
+        // If the field is absent, there was no slip.
         slip_steps: if report.slip_steps.is_empty() { [0; 2] } else { array(&report.slip_steps)? },
         health: health(&report.health)?,
         outcomes: outcomes(report)?,
@@ -257,14 +258,14 @@ convert! {
     from header {
         velocity_m_s: header.velocity_m_s.to_vec(),
         rate_rad_s: header.rate_rad_s.to_vec(),
-        // The payload is added by the caller.
+        // The caller adds the payload.
         relief: Bytes::new(),
         drift: drift::read(&header.drift).map_or(Vec::new(), |drift| drift.to_numbers().to_vec()),
     }
     to prior {
         velocity_m_s: array(&prior.velocity_m_s)?,
         rate_rad_s: array(&prior.rate_rad_s)?,
-        // Recordings of earlier versions have no drift.
+        // Recordings of earlier versions contain no drift.
         drift: array(&prior.drift).unwrap_or_default(),
     }
 }
@@ -272,7 +273,7 @@ convert! {
 /// Position, rotation and covariance.
 type PoseNumbers = ([f64; 3], [f64; 4], [[f64; 6]; 6]);
 
-/// The numbers of a pose; `None` if they are no pose.
+/// Returns the numbers of a pose; `None` if they are not a valid pose.
 fn pose_numbers(pose: &TrackedPose) -> Option<PoseNumbers> {
     let (position_m, rotation): ([f64; 3], [f64; 4]) = (array(&pose.position_m)?, array(&pose.rotation)?);
     let (rows, rest) = pose.covariance.as_chunks::<6>();
@@ -286,12 +287,12 @@ fn array<T: Copy, const N: usize>(numbers: &[T]) -> Option<[T; N]> {
     numbers.try_into().ok()
 }
 
-/// From one time to another, milliseconds.
+/// Returns the difference of two times, milliseconds.
 fn milliseconds(from_ns: u64, to_ns: u64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-6
 }
 
-/// The counts of a stage; `None` for an unknown reason or incident.
+/// Returns the counts of a stage; `None` for an unknown reason or incident.
 fn counts(report: &StageReport) -> Option<Counts> {
     let mut counts = Counts { taken: report.taken, passed: report.passed, ..Counts::default() };
     for (name, &count) in &report.dropped {
@@ -303,7 +304,7 @@ fn counts(report: &StageReport) -> Option<Counts> {
     Some(counts)
 }
 
-/// Pixels by outcome; `None` for an unknown outcome.
+/// Returns the numbers of pixels by outcome; `None` for an unknown outcome.
 fn outcomes(report: &WindowReport) -> Option<[u64; OUTCOMES]> {
     let mut outcomes = [0; OUTCOMES];
     for (name, &count) in &report.outcomes {
@@ -312,12 +313,12 @@ fn outcomes(report: &WindowReport) -> Option<[u64; OUTCOMES]> {
     Some(outcomes)
 }
 
-/// The histogram of δ; all zero for an older recording without one.
+/// Returns the histogram of δ; all zero if an older recording has none.
 fn delta_counts(counts: &[u32]) -> Option<[u32; DELTA_PARTS]> {
     if counts.is_empty() { Some([0; DELTA_PARTS]) } else { array(counts) }
 }
 
-/// All quantities; none for a report without limits, as in windows of older recordings.
+/// Returns all quantities; none for a report without limits, as in windows of older recordings.
 fn gauges(report: &HealthReport) -> Vec<Gauge> {
     let known = Quantity::ALL.into_iter().zip(&report.gauges).filter(|(_, gauge)| gauge.bad > 0.0);
     let gauge = |(quantity, gauge): (Quantity, &GaugeReport)| Gauge {
@@ -331,7 +332,7 @@ fn gauges(report: &HealthReport) -> Vec<Gauge> {
     known.map(gauge).collect()
 }
 
-/// The health of these quantities; `None` for an unknown quantity or state.
+/// Returns the health with these quantities; `None` for an unknown quantity or state.
 fn health(gauges: &[Gauge]) -> Option<HealthReport> {
     let mut health = HealthReport::default();
     for gauge in gauges {

@@ -1,4 +1,4 @@
-//! Messages that a recorder took, wrote and lost.
+//! Numbers of messages that a recorder took, wrote and lost.
 
 use std::collections::BTreeMap;
 
@@ -6,17 +6,18 @@ use fringeflow_message::{Counts, DropReason};
 
 use crate::Topic;
 
-/// Messages taken, written and lost, by topic.
+/// Numbers of messages taken, written and lost, by topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecorderCounts {
-    /// By topic; an image and its header count as one message. Contradictory messages have no topic.
+    /// Counts by topic. An image and its header count as one message. Messages that contradict themselves have no
+    /// topic.
     pub topics: BTreeMap<Topic, Counts>,
-    /// Messages that contradict themselves.
+    /// Number of messages that contradict themselves.
     pub malformed: u64,
 }
 
 impl RecorderCounts {
-    /// The sum over all topics.
+    /// Returns the sum over all topics.
     #[must_use]
     pub fn total(&self) -> Counts {
         let mut total = Counts { taken: self.malformed, ..Counts::default() };
@@ -33,13 +34,13 @@ impl RecorderCounts {
         self.topics.entry(topic).or_default()
     }
 
-    /// The metadata of a recording that ended for this reason.
+    /// Returns the metadata of a recording that ended for this reason.
     pub(super) fn metadata(&self, end_reason: &str) -> BTreeMap<String, String> {
         let mut entries = BTreeMap::from([("ended".to_owned(), end_reason.to_owned())]);
         let total = self.total();
         entries.insert("taken".to_owned(), total.taken.to_string());
         entries.insert("written".to_owned(), total.passed.to_string());
-        // A full disk leaves messages in the queue, which are lost as well.
+        // If the disk is full, messages remain in the queue; they are lost as well.
         if let Some(waiting) = total.in_work().filter(|&waiting| waiting > 0) {
             entries.insert("lost.in_queue".to_owned(), waiting.to_string());
         }

@@ -6,22 +6,22 @@ use fringeflow_dataset::{Problem, SetupError};
 
 use crate::{FORMAT_VERSION, UNFINISHED};
 
-/// An error about a recording: the file and its problem.
+/// An error about a recording: the file and what is wrong with it.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", file.display())]
 pub struct RecordingError {
     /// The file.
     pub file: PathBuf,
-    /// Its problem.
+    /// What is wrong with it.
     #[source]
     pub problem: RecordingProblem,
 }
 
-/// A problem of a recording.
+/// What is wrong with a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingProblem {
-    /// The path of the recording, or of its unfinished file, is taken.
-    #[error("already exists; give another name, or remove it first")]
+    /// The path of the recording, or of its unfinished file, already exists.
+    #[error("already exists; choose another name or remove it first")]
     Exists,
     /// The file cannot be created or written.
     #[error("cannot be written: {0}")]
@@ -43,31 +43,31 @@ pub enum RecordingProblem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
-    /// The file is no MCAP file.
-    #[error("is no MCAP file (its first bytes are wrong)")]
+    /// The file is not an MCAP file.
+    #[error("is not an MCAP file (its first bytes are wrong)")]
     NotMcap,
     /// The file ends before the end of the recording.
     #[error(
-        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` writes a complete file of the rest"
+        "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` writes a complete file from the rest"
     )]
     Unfinished {
         /// Length of the file.
         offset: u64,
-        /// Part of the file that is cut.
+        /// Part of the file that is incomplete.
         within: &'static str,
     },
     /// A part of the file is invalid.
-    #[error("is damaged at byte {offset}: {what}; `fringeflow recover` writes a complete file of the readable parts")]
+    #[error("is damaged at byte {offset}: {what}; `fringeflow recover` writes a complete file from the readable parts")]
     Damaged {
         /// Start of that part.
         offset: u64,
-        /// Its fault.
+        /// What is wrong with it.
         what: String,
     },
     /// A chunk is compressed.
     #[error(
-        "has a chunk at byte {offset} compressed with {compression:?}; unpack it first, with `mcap compress --compression \
-         none`"
+        "has a chunk at byte {offset} compressed with {compression:?}; unpack it first, with `mcap compress \
+         --compression none`"
     )]
     Compressed {
         /// Start of the chunk.
@@ -75,7 +75,7 @@ pub enum RecordingProblem {
         /// Its compression.
         compression: String,
     },
-    /// A newer version wrote the file.
+    /// The file was written by a newer version.
     #[error(
         "has format version {found}, and this fringeflow reads versions up to {FORMAT_VERSION}; update fringeflow \
          (it was written by version {writer})"
@@ -83,11 +83,11 @@ pub enum RecordingProblem {
     NewerFormat {
         /// Format version of the file.
         found: u64,
-        /// Version of the fringeflow that wrote it.
+        /// Version of fringeflow that wrote it.
         writer: String,
     },
     /// A required part is missing.
-    #[error("has no {what}, so it is no recording of fringeflow, or a part of it was cut out")]
+    #[error("has no {what}, so it is not a recording of fringeflow, or a part of it was removed")]
     Missing {
         /// The missing part.
         what: &'static str,
@@ -101,10 +101,10 @@ pub enum RecordingProblem {
         sequence: u32,
         /// Start of its data.
         offset: u64,
-        /// Its fault.
+        /// What is wrong with it.
         what: String,
     },
-    /// The recording does not have this image.
+    /// The recording does not contain this image.
     #[error("has no image {sequence} of session {session} of camera {camera}; it was lost, or never recorded")]
     NoImage {
         /// 1 or 2.
@@ -141,7 +141,7 @@ impl RecordingProblem {
         matches!(self, Self::Exists | Self::Unwritable(_) | Self::NoSpace { .. } | Self::Unfinishable(_))
     }
 
-    /// The error about a file.
+    /// Returns the error about a file.
     pub(super) fn in_file(self, file: &Path) -> RecordingError {
         RecordingError { file: file.to_owned(), problem: self }
     }

@@ -1,7 +1,8 @@
-//! Exports a recording to a dataset folder: its images as PNG files, with the texts of the setup.
+//! Exports a recording as a dataset folder: its images as PNG files, and the texts of the setup.
 //!
-//! An imported folder with nothing but phase images and ground truth is exported unchanged. For other recordings,
-//! `meta.json` is changed to match the folder: these images, their phase shifts, and no Gray code.
+//! If a recording was imported from a folder with only phase images and ground truth, the export is equal to that
+//! folder. For other recordings, `meta.json` is adapted to the folder: to its images and their phase shifts, and
+//! without Gray code.
 
 use std::path::Path;
 
@@ -22,7 +23,7 @@ pub enum ExportError {
     Dataset(#[from] DatasetError),
 }
 
-/// Writes image pairs as a dataset folder, all or none. Calls `progress` after each pair.
+/// Writes image pairs as a dataset folder, completely or not at all. Calls `progress` after each pair.
 ///
 /// # Errors
 /// An image cannot be read, or the folder exists or cannot be written.
@@ -54,7 +55,7 @@ pub fn export_images(
     Ok(writer.finish()?)
 }
 
-/// The text of `meta.json` with these phase shifts and without Gray code.
+/// Returns the text of `meta.json` with these phase shifts and without Gray code.
 fn description(text: &SetupText, shifts: &[f64]) -> Result<String, RecordingProblem> {
     let fail = |e: serde_json::Error| {
         RecordingProblem::Setup(fringeflow_dataset::SetupError::Description(Problem::Json(e.to_string())))

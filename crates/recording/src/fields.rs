@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-/// The rest of a record. Each read takes its bytes, or returns `None` if there are too few.
+/// The unread rest of a record. Each read consumes bytes, or returns `None` if there are too few.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -45,7 +45,7 @@ impl<'a> Fields<'a> {
         std::str::from_utf8(self.bytes(length)?).ok()
     }
 
-    /// The next part with a 32-bit length, as separate fields.
+    /// Reads the next part with a 32-bit length, as separate fields.
     fn part(&mut self) -> Option<Self> {
         let length = self.u32()? as usize;
         self.bytes(length).map(Self)
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_beyond_the_end_are_none_and_allocate_nothing() {
+    fn lengths_beyond_the_end_give_none_and_allocate_nothing() {
         let huge = [0xff; 8];
         assert!(Fields(&huge).string().is_none());
         assert!(Fields(&huge).text_map().is_none());

@@ -1,8 +1,8 @@
 //! The file of an unfinished recording: its temporary name, its disk space, and its final name.
 //!
-//! The growing file is called `NAME.mcap.part`, so that a partial recording never has the name of a complete one. A killed
-//! recorder leaves this file, and `fringeflow recover` reads it. Blocks are allocated ahead of the written data. So a full
-//! disk shows while there is still space to close the file.
+//! The growing file is called `NAME.mcap.part`, so that a partial recording never has the name of a complete one. If
+//! the recorder is killed, this file remains, and `fringeflow recover` reads it. Blocks are allocated ahead of the
+//! written data. So a full disk is noticed while there is still space to close the file.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, IoSlice, Write};
@@ -14,19 +14,15 @@ use rustix::io::Errno;
 
 use crate::{RecordingError, RecordingProblem};
 
-/// Suffix of the name of an unfinished recording.
-pub const UNFINISHED: &str = ".part";
-/// Suffix during a recovery, so that `NAME.mcap.part` can become `NAME.mcap`.
-pub(super) const UNFINISHED_RECOVERY: &str = ".recovered.part";
-/// Bytes allocated at a time.
+/// Number of bytes allocated at a time.
 const ALLOCATION_BYTES: u64 = 32 << 20;
-/// Space for the end of the file: a fixed part, and 1/4096 of the file for indexes, four times as much as they need.
+/// Space for the end of the file: a fixed part, and 1/4096 of the file for indexes, four times what they need.
 const CLOSING_BYTES: u64 = 4 << 20;
 const CLOSING_SHARE: u64 = 4096;
 /// Generous estimate of the record and index entry of a message.
 const MESSAGE_OVERHEAD_BYTES: u64 = 256;
 
-/// The growing file and its limits.
+/// The growing file and its space limits.
 #[derive(Debug)]
 pub(super) struct UnfinishedFile {
     target: PathBuf,
@@ -37,7 +33,7 @@ pub(super) struct UnfinishedFile {
     allocated_bytes: u64,
 }
 
-/// The file as the MCAP writer sees it.
+/// The file as seen by the MCAP writer.
 #[derive(Debug)]
 pub(super) struct FileWriter(Arc<File>);
 
@@ -71,12 +67,12 @@ impl UnfinishedFile {
         Err(problem.in_file(target))
     }
 
-    /// The file for the MCAP writer.
+    /// Returns the file for the MCAP writer.
     pub(super) fn writer(&self) -> FileWriter {
         FileWriter(Arc::clone(&self.file))
     }
 
-    /// Reserves space for a message and for the end of the file; `false` if the disk is full.
+    /// Reserves space for a message and for the end of the file. Returns `false` if the disk is full.
     pub(super) fn reserve(&mut self, message_bytes: usize) -> bool {
         let reserved = self.reserved_bytes + message_bytes as u64 + MESSAGE_OVERHEAD_BYTES;
         let needed = reserved + CLOSING_BYTES + reserved / CLOSING_SHARE;
@@ -95,7 +91,7 @@ impl UnfinishedFile {
         }
         let result =
             rustix::fs::fallocate(&self.file, FallocateFlags::KEEP_SIZE, self.allocated_bytes, ALLOCATION_BYTES);
-        // On a file system without allocation the free space must do.
+        // If the file system does not support allocation, only the free space is checked.
         let is_allocated = matches!(result, Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS));
         if is_allocated {
             self.allocated_bytes += ALLOCATION_BYTES;
@@ -103,7 +99,7 @@ impl UnfinishedFile {
         is_allocated
     }
 
-    /// Free bytes of the disk; unlimited if the file system does not report them.
+    /// Returns the free bytes of the disk; unlimited if the file system does not report them.
     fn free_bytes(&self) -> u64 {
         rustix::fs::fstatvfs(&self.file).map_or(u64::MAX, |disk| disk.f_bavail.saturating_mul(disk.f_frsize))
     }
@@ -121,7 +117,7 @@ impl UnfinishedFile {
         self.file.sync_all().map_err(fail)?;
         match rustix::fs::renameat_with(CWD, &self.path, CWD, &self.target, RenameFlags::NOREPLACE) {
             Ok(()) => Ok(self.target),
-            // Not every file system supports this flag. The name was free when the recording began.
+            // Not every file system supports this flag. The name was free when the recording started.
             Err(Errno::INVAL | Errno::NOSYS) if self.target.symlink_metadata().is_err() => {
                 std::fs::rename(&self.path, &self.target).map_err(fail)?;
                 Ok(self.target)
@@ -132,7 +128,7 @@ impl UnfinishedFile {
 
     /// Removes the file.
     pub(super) fn discard(self) {
-        // On failure the file stays, and its name marks it as unfinished.
+        // If removing fails, the file stays; its name marks it as unfinished.
         let _ = std::fs::remove_file(&self.path);
     }
 }

@@ -1,24 +1,24 @@
-//! Content that is recorded without a copy, as an image in shared memory. It is released once it is in the file.
+//! Content that is recorded without a copy, such as an image in shared memory. It is released once it is in the file.
 
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Held content of a message.
+/// Content of a message, held until it is written.
 pub(super) struct HeldContent {
     content: Box<dyn AsRef<[u8]> + Send>,
-    // Declared after the content, so that the slot is free only after the content is dropped.
+    // Fields are dropped in the order of declaration: the slot must become free only after the content is dropped.
     _slot: HeldSlot,
 }
 
-/// A limited number of slots, one for each held content.
+/// A limited number of slots. Each held content occupies one.
 #[derive(Debug)]
 pub(super) struct HeldSlots {
     taken: Arc<AtomicUsize>,
     limit: usize,
 }
 
-/// A slot, free again when dropped.
+/// A slot. It becomes free when dropped.
 #[derive(Debug)]
 pub(super) struct HeldSlot(Arc<AtomicUsize>);
 
@@ -46,7 +46,7 @@ impl HeldSlots {
     /// Takes a slot, if one is free.
     pub(super) fn take(&self) -> Option<HeldSlot> {
         let slot = HeldSlot(Arc::clone(&self.taken));
-        // If all were taken, dropping the slot undoes the count.
+        // If no slot was free, the slot is dropped here, which restores the count.
         (self.taken.fetch_add(1, Ordering::Relaxed) < self.limit).then_some(slot)
     }
 }

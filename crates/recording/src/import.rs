@@ -1,8 +1,8 @@
-//! Imports a dataset folder as a recording, as if a scanner had taken its phase images at a steady rate.
+//! Imports a dataset folder as a recording, as if a scanner had taken its phase images at a constant rate.
 //!
-//! In: a dataset. Out: a recording with image k of both cameras as sequence number k, pattern events, the setup, and the
-//! ground truth if there is one. The same dataset and rate give the same bytes: the times start at one second, and the
-//! recording names no host.
+//! In: a dataset. Out: a recording with image k of both cameras as sequence number k, pattern events, the setup, and
+//! the ground truth if there is one. The same dataset and rate always give the same bytes: the times start at one
+//! second, and the recording contains no host name.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ pub enum ImportError {
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The phase shifts do not repeat with the cycle, so a pattern event cannot name them.
+    /// The phase shifts do not repeat with the cycle, so they cannot be stated by pattern events.
     #[error(
         "{}: phase_shift_rad {image} is {shift_rad} and {step} is {first_rad}; a recording needs shifts that repeat \
          every {steps} images", folder.display()
@@ -53,7 +53,7 @@ pub struct ImportOptions<'a> {
     pub period_ns: u64,
     /// Text of the configuration.
     pub configuration: &'a str,
-    /// Bytes of the disk that must stay free.
+    /// Number of bytes of the disk that must stay free.
     pub min_free_bytes: u64,
 }
 
@@ -87,7 +87,7 @@ pub fn import(
     }
 }
 
-/// Checks that all images of a step have one phase shift: a pattern event names only the step.
+/// Checks that all images of a step have the same phase shift, because a pattern event states only the step.
 fn check_periodic(dataset: &Dataset) -> Result<(), ImportError> {
     let (shifts, steps) = (&dataset.setup.sequence.shifts_rad, dataset.setup.steps);
     let differs = shifts.iter().zip(shifts.iter().cycle().take(steps).cycle()).position(|(a, b)| a != b);

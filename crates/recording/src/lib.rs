@@ -23,13 +23,13 @@
 //! | `/truth/pose` | foxglove.FrameTransform | of the virtual scanner: `object` in `cam1_exact`, at every exposure |
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
 //!
-//! An image or cloud and its header have the same MCAP sequence number; the header comes first. `log_time` is the time of
-//! receipt or publication, `publish_time` the start of the exposure. Both are nanoseconds of `CLOCK_MONOTONIC`; the metadata
-//! `fringeflow` relate them to the wall clock. Attachments: `calibration.yml`, `meta.json` and `configuration.toml`, which the
-//! measurement reads, so that a recording has the same numbers as the rig; and `truth.npz` if there is ground truth. The
-//! metadata `fringeflow.recorder` at the end count written and lost messages.
+//! An image or cloud and its header have the same MCAP sequence number; the header comes first. `log_time` is the time
+//! of receipt or publication, `publish_time` the start of the exposure. Both are nanoseconds of `CLOCK_MONOTONIC`; the
+//! metadata `fringeflow` relate them to the wall clock. The attachments `calibration.yml`, `meta.json` and
+//! `configuration.toml` are read by the measurement, so its numbers are the same as those of the rig; `truth.npz` is
+//! attached if there is ground truth. The metadata `fringeflow.recorder` at the end count written and lost messages.
 //!
-//! The schema of our own messages is `schema/fringeflow.proto`.
+//! The schema of the messages of Fringeflow is `schema/fringeflow.proto`.
 //!
 //! ```
 //! use fringeflow_recording::{Content, OfflineRecorder, Opening, Origin, Recordable, Recording, Topic};
@@ -61,6 +61,7 @@ mod collect;
 mod content;
 mod convert;
 mod counts;
+mod entry;
 mod error;
 mod export;
 mod fields;
@@ -89,7 +90,6 @@ pub use content::{Content, Message};
 pub use counts::RecorderCounts;
 pub use error::{RecordingError, RecordingProblem};
 pub use export::{ExportError, export_images};
-pub use file::UNFINISHED;
 pub use fringeflow_wire::prior::{Priors, WindowPrior};
 pub use import::{ImportError, ImportOptions, import};
 pub use offline::OfflineRecorder;
@@ -108,8 +108,12 @@ pub use writer::Opening;
 #[cfg(test)]
 mod tests;
 
-/// Version of the format. It is raised when older readers would misread a recording.
+/// Version of the format. It is increased when older readers would misread a recording.
 pub const FORMAT_VERSION: u64 = 1;
+/// Suffix of the name of an unfinished recording.
+pub const UNFINISHED: &str = ".part";
+/// Suffix during a recovery, so that `NAME.mcap.part` can be recovered to `NAME.mcap`.
+const UNFINISHED_RECOVERY: &str = ".recovered.part";
 /// Name of the metadata about origin and setup.
 const METADATA: &str = "fringeflow";
 /// Name of the metadata about written and lost messages.

@@ -1,18 +1,18 @@
-//! Recording without real time: every message is written before the next one is made, and none is lost.
+//! Recording that is not in real time: every message is written before the next one is created, and none is lost.
 
 use std::path::Path;
 
 use crate::writer::{Opening, RecordingWriter};
 use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem};
 
-/// An unfinished recording. It ends with [`Self::finish`], [`Self::abort`] or [`Self::discard`].
+/// An unfinished recording. End it with [`Self::finish`], [`Self::abort`] or [`Self::discard`].
 pub struct OfflineRecorder {
     writer: RecordingWriter,
     counts: RecorderCounts,
 }
 
 impl OfflineRecorder {
-    /// Creates the file and writes the beginning of a recording.
+    /// Creates the file and writes the start of a recording.
     ///
     /// # Errors
     /// The file exists, or cannot be created.
@@ -26,10 +26,10 @@ impl OfflineRecorder {
         self.writer.attach(name, media_type, data, 0)
     }
 
-    /// Writes a message. A message that contradicts itself is left out.
+    /// Writes a message. A message that contradicts itself is skipped.
     ///
     /// # Errors
-    /// The disk is full or broken. Call [`Self::abort`] then.
+    /// The disk is full or failed. Then call [`Self::abort`].
     pub fn put(&mut self, message: &Recordable<'_>) -> Result<(), RecordingProblem> {
         let Some(topic) = message.topic() else { return Ok(()) };
         let counts = self.counts.for_topic(topic);
@@ -43,7 +43,7 @@ impl OfflineRecorder {
         Ok(())
     }
 
-    /// Writes the end of the file, and renames it to its final name.
+    /// Writes the end of the file and renames it to its final name.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -53,7 +53,7 @@ impl OfflineRecorder {
         Ok(self.counts)
     }
 
-    /// Removes the file after a message could not be written; returns the error.
+    /// Removes the file after a message could not be written, and returns the error.
     #[must_use]
     pub fn abort(self, problem: RecordingProblem) -> RecordingError {
         self.writer.abort(problem)

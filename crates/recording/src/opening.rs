@@ -1,4 +1,4 @@
-//! Origin of a recording: machine, time, and the metadata at its beginning.
+//! Origin of a recording: computer, time, and the metadata at its start.
 
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -11,14 +11,14 @@ use fringeflow_dataset::Setup;
 
 use crate::FORMAT_VERSION;
 
-/// Machine and time at the start of a recording.
+/// Computer and time at the start of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Origin {
     /// Name of the host.
     pub host: String,
-    /// Release of its kernel.
+    /// Release of the kernel.
     pub kernel: String,
-    /// Model of its CPU.
+    /// Model of the CPU.
     pub cpu: String,
     /// Wall clock, nanoseconds since 1970.
     pub started_unix_ns: u64,
@@ -27,7 +27,7 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// This machine, now.
+    /// Returns this computer and the current time.
     #[must_use]
     pub fn here() -> Self {
         let line = |path: &str| std::fs::read_to_string(path).map(|text| text.trim().to_owned()).unwrap_or_default();
@@ -50,7 +50,7 @@ impl Origin {
         (i128::from(self.started_unix_ns) + since_start_ns) as f64 * 1e-6
     }
 
-    /// The metadata of a recording with this setup.
+    /// Returns the metadata of a recording with this setup.
     pub(super) fn metadata(&self, setup: &Setup) -> BTreeMap<String, String> {
         let volume = setup.volume.as_ref();
         let table = volume.map(|volume| Fingerprint::new(&setup.rig, volume, &setup.sequence.pattern).to_string());
@@ -71,7 +71,7 @@ impl Origin {
         entries.map(|(key, value)| (key.to_owned(), value)).into()
     }
 
-    /// Reads the metadata of a recording. Missing entries stay empty.
+    /// Reads the metadata of a recording. Missing entries are left empty.
     pub(super) fn from_metadata(metadata: &BTreeMap<String, String>) -> Self {
         let text = |key: &str| metadata.get(key).cloned().unwrap_or_default();
         let number = |key: &str| text(key).parse().unwrap_or_default();

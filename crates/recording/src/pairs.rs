@@ -1,22 +1,22 @@
 //! Image pairs of a recording, in the order of their exposures, each with the step of its pattern.
 //!
-//! The live synchronization (`fringeflow_message::synchronization`) decides with bounded memory and drops what contradicts
-//! itself. Here the whole recording is known, so every pair that has a step is used, also outside complete windows, and a
-//! recording without events counts its pairs instead of trusting sequence numbers.
+//! The live synchronization (`fringeflow_message::synchronization`) has limited memory and drops what contradicts
+//! itself. Here the whole recording is known, so every pair that has a step is used, even outside complete windows. In
+//! a recording without events, the pairs are counted instead of trusting sequence numbers.
 
 use fringeflow_dataset::{CameraId, GreyImage};
 use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use crate::{Content, Recording, RecordingError, Topic};
 
-/// Images of both cameras of the same exposure.
+/// Images of both cameras at the same exposure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImagePair {
     /// Image of camera 1.
     pub cam1: FrameHeader,
     /// Image of camera 2.
     pub cam2: FrameHeader,
-    /// Step of the phase shift, from 0, less than the steps of the setup.
+    /// Step of the phase shift, from 0 to the number of steps of the setup − 1.
     pub step: usize,
 }
 
@@ -33,8 +33,8 @@ impl ImagePair {
 }
 
 impl Recording {
-    /// All image pairs with a step. The pattern event of the exposure gives the step; in a recording without any events the
-    /// position of the pair does.
+    /// Returns all image pairs that have a step. The step comes from the pattern event of the exposure; in a recording
+    /// without any events, from the position of the pair.
     ///
     /// # Errors
     /// A pattern event cannot be read.
@@ -65,7 +65,7 @@ impl Recording {
         Ok(pairs)
     }
 
-    /// The images of one camera of these pairs.
+    /// Reads the images of one camera of these pairs.
     ///
     /// # Errors
     /// An image cannot be read.
@@ -87,7 +87,7 @@ impl Recording {
     }
 }
 
-/// Start indices of complete windows: `images` pairs with consecutive steps and without a missing image.
+/// Returns the start indices of complete windows: `images` pairs with consecutive steps and without a missing image.
 pub fn window_starts(pairs: &[ImagePair], steps: usize, images: usize) -> impl Iterator<Item = usize> + '_ {
     let is_window = move |window: &[ImagePair]| {
         let mut neighbours = window.iter().zip(window.iter().skip(1));
@@ -96,7 +96,7 @@ pub fn window_starts(pairs: &[ImagePair], steps: usize, images: usize) -> impl I
     pairs.windows(images.max(1)).enumerate().filter(move |(_, window)| is_window(window)).map(|(start, _)| start)
 }
 
-/// Start indices of complete cycles: windows of all steps from 0 on. They share no image.
+/// Returns the start indices of complete cycles: windows with all steps from 0 on. The cycles share no image.
 pub fn cycle_starts(pairs: &[ImagePair], steps: usize) -> impl Iterator<Item = usize> + '_ {
     window_starts(pairs, steps, steps).filter(|&start| pairs.get(start).is_some_and(|pair| pair.step == 0))
 }
@@ -106,7 +106,7 @@ fn step_of(event: &PatternEvent, steps: usize) -> Option<usize> {
     (event.kind == PATTERN_FRINGES && event.steps as usize == steps && step < steps).then_some(step)
 }
 
-/// Half of the median time between two exposures.
+/// Returns half of the median time between two exposures.
 fn half_period_ns(headers: &[FrameHeader]) -> u64 {
     let mut gaps: Vec<u64> =
         headers.iter().zip(headers.iter().skip(1)).map(|(a, b)| b.exposure_start_ns - a.exposure_start_ns).collect();
@@ -114,7 +114,7 @@ fn half_period_ns(headers: &[FrameHeader]) -> u64 {
     gaps.get(gaps.len() / 2).map_or(u64::MAX, |median| median / 2)
 }
 
-/// Index of the time nearest to `time_ns`, at most `tolerance_ns` away.
+/// Returns the index of the time nearest to `time_ns`, if it is at most `tolerance_ns` away.
 fn nearest(sorted: &[u64], time_ns: u64, tolerance_ns: u64) -> Option<usize> {
     let after = sorted.partition_point(|&t| t < time_ns);
     let neighbours = [after.checked_sub(1), Some(after)].into_iter().flatten();
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_may_begin_with_any_step() {
+    fn a_window_may_start_with_any_step() {
         let starts = |pairs: &[ImagePair]| window_starts(pairs, 3, 3).collect::<Vec<_>>();
         let run: Vec<ImagePair> = (0..5).map(|n| pair(n, (n as usize + 1) % 3)).collect();
         assert_eq!(starts(&run), [0, 1, 2]);

@@ -5,7 +5,7 @@ use fringeflow_wire::prior::Priors;
 use crate::{Content, Recording, RecordingError, Topic};
 
 impl Recording {
-    /// All priors, in the order of their numbers.
+    /// Returns all priors, in the order of their numbers.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -19,7 +19,7 @@ impl Recording {
         messages.sort_by_key(|(header, _)| header.published);
         let mut priors = Priors::default();
         for (header, relief) in &messages {
-            // A repeated number is ignored, as in the phase service.
+            // A prior with a repeated number is ignored, as in the phase service.
             let _ = priors.push(header, relief);
         }
         Ok(priors)

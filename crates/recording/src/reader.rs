@@ -6,14 +6,16 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use fringeflow::cloud::{Cloud, read_records};
-use fringeflow_dataset::{GreyImage, Setup, Truth};
+use fringeflow_dataset::{CALIBRATION_FILE, GreyImage, META_FILE, Setup, SetupText, Truth};
 use fringeflow_message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
 use crate::collect::Collected;
 use crate::content::Header;
-use crate::recordable::Times;
-use crate::scan::{ScanMode, scan};
-use crate::{Content, Message, Origin, RecordingError, RecordingProblem, Topic};
+use crate::entry::{Entry, FileRange};
+use crate::scan::{ScanMode, Scanned, scan};
+use crate::{
+    CONFIGURATION_FILE, Content, Message, Origin, RecordingError, RecordingProblem, Topic, TruthPose, TruthPoses,
+};
 
 /// An opened recording.
 #[derive(Debug)]
@@ -26,41 +28,64 @@ pub struct Recording {
     pub(super) recorder_account: BTreeMap<String, String>,
     pub(super) truth: Option<FileRange>,
     pub(super) entries: Vec<Entry>,
-    /// Entries of images by camera, session and sequence.
+    /// Index of the image entries by camera, session and sequence number.
     pub(super) frames: BTreeMap<(u32, u64, u64), usize>,
     pub(super) foreign_messages: BTreeMap<String, u64>,
     pub(super) bytes: u64,
 }
 
-/// A part of the file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct FileRange {
-    pub(super) offset: u64,
-    pub(super) bytes: usize,
-}
-
-/// A message that is not read yet.
-#[derive(Clone, Debug)]
-pub(super) struct Entry {
-    pub(super) topic: Topic,
-    pub(super) sequence: u32,
-    pub(super) times: Times,
-    pub(super) range: FileRange,
-    pub(super) header: Option<Header>,
-}
-
 impl Recording {
-    /// Opens a recording. Reads the whole file and checks the checksums, the counts, the setup, and that every header has its
-    /// message.
+    /// Opens a recording. Reads the whole file; checks the checksums, the counts and the setup, and that every header
+    /// has its message.
     ///
     /// # Errors
-    /// The file is no recording, of a newer version, unfinished or damaged. The error names file, offset and remedy.
+    /// The file is not a recording, or it is of a newer version, unfinished or damaged. The error states file, offset
+    /// and remedy.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let unreadable = |e| RecordingProblem::Unreadable(e).in_file(path);
         let file = File::open(path).map_err(unreadable)?;
         let mut collected = Collected::default();
         let scanned = scan(&file, ScanMode::Strict, &mut |found| collected.add(found)).map_err(|p| p.in_file(path))?;
-        collected.into_recording(path, file, scanned).map_err(|p| p.in_file(path))
+        Self::from_collected(collected, path, file, scanned).map_err(|p| p.in_file(path))
+    }
+
+    /// Creates the recording after the whole file has been scanned.
+    fn from_collected(
+        mut collected: Collected,
+        path: &Path,
+        file: File,
+        scanned: Scanned,
+    ) -> Result<Self, RecordingProblem> {
+        let metadata = collected.metadata.ok_or(RecordingProblem::Missing { what: "metadata fringeflow" })?;
+        if let Some(((topic, sequence), (_, offset))) = collected.headers.pop_first() {
+            let (topic, what) = (topic.name(), "the message that it describes is missing".to_owned());
+            return Err(RecordingProblem::Message { topic, sequence, offset, what });
+        }
+        let mut text = |name, what| collected.texts.remove(name).ok_or(RecordingProblem::Missing { what });
+        let calibration = text(CALIBRATION_FILE, "attachment calibration.yml")?;
+        let description = text(META_FILE, "attachment meta.json")?;
+        let configuration = text(CONFIGURATION_FILE, "attachment configuration.toml")?;
+        let setup = Setup::parse(SetupText { description, calibration }, None)?;
+        // The sort is stable: messages with the same time stay in the order of the file.
+        collected.entries.sort_by_key(|entry| entry.times.log_ns);
+        let frames = collected.entries.iter().enumerate().filter_map(|(i, entry)| match &entry.header {
+            Some(Header::Frame(header)) => Some(((header.camera, header.session, header.sequence), i)),
+            _ => None,
+        });
+        let frames = frames.collect();
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            setup,
+            configuration,
+            metadata,
+            recorder_account: collected.recorder_account,
+            truth: collected.truth,
+            entries: collected.entries,
+            frames,
+            foreign_messages: scanned.foreign_messages,
+            bytes: scanned.bytes,
+        })
     }
 
     /// Path of the file.
@@ -87,7 +112,7 @@ impl Recording {
         &self.configuration
     }
 
-    /// Machine and time at the start of the recording.
+    /// Computer and time at the start of the recording.
     #[must_use]
     pub fn origin(&self) -> Origin {
         Origin::from_metadata(&self.metadata)
@@ -99,7 +124,7 @@ impl Recording {
         self.metadata.get("version").map_or("", String::as_str)
     }
 
-    /// Final account of the recorder: messages taken, written and lost, by topic and reason. Empty if the recorder was
+    /// Final counts of the recorder: messages taken, written and lost, by topic and reason. Empty if the recorder was
     /// killed.
     #[must_use]
     pub fn recorder_account(&self) -> &BTreeMap<String, String> {
@@ -134,12 +159,12 @@ impl Recording {
         Some([first_ns, times.next_back().unwrap_or(first_ns)])
     }
 
-    /// All messages in the order of their times. Each is read when the iterator reaches it.
+    /// Returns all messages in the order of their times. Each message is read when the iterator reaches it.
     pub fn messages(&self) -> impl Iterator<Item = Result<Message, RecordingError>> + '_ {
         self.entries.iter().map(|entry| self.read(entry))
     }
 
-    /// Messages of one topic in the order of their times.
+    /// Returns the messages of one topic in the order of their times.
     pub fn messages_of(&self, topic: Topic) -> impl Iterator<Item = Result<Message, RecordingError>> + '_ {
         self.entries.iter().filter(move |entry| entry.topic == topic).map(|entry| self.read(entry))
     }
@@ -172,7 +197,7 @@ impl Recording {
         self.entries.iter().filter(move |entry| entry.topic == topic).map(|entry| entry.times.log_ns)
     }
 
-    /// Reads one image of a camera, without the padding of its rows.
+    /// Reads one image of a camera and removes the padding of its rows.
     ///
     /// # Errors
     /// The image is not in the recording, does not have the size of the setup, or cannot be read.
@@ -181,15 +206,15 @@ impl Recording {
         let missing = RecordingProblem::NoImage { camera, session, sequence };
         let entry = entry.ok_or_else(|| missing.in_file(&self.path))?;
         let Content::Frame(header, data) = self.read(entry)?.content else {
-            return Err(entry.problem("is no image".to_owned()).in_file(&self.path));
+            return Err(entry.problem("is not an image".to_owned()).in_file(&self.path));
         };
         let [width, height] = [header.width_px as usize, header.height_px as usize];
         if [width, height] != self.setup.image_size_px {
             let expected = self.setup.image_size_px;
-            let what = format!("is {width} × {height} pixels; meta.json says {} × {}", expected[0], expected[1]);
+            let what = format!("is {width} × {height} pixels; meta.json states {} × {}", expected[0], expected[1]);
             return Err(entry.problem(what).in_file(&self.path));
         }
-        // Decoding has checked the format.
+        // The format was checked when the header was decoded.
         let format = PixelFormat::from_code(header.pixel_format).unwrap_or_default();
         let rows = data.chunks_exact((header.stride_bytes as usize).max(1));
         let pixels = rows.flat_map(|row| row.iter().take(width * format.bytes())).copied().collect();
@@ -209,30 +234,30 @@ impl Recording {
         Ok(images)
     }
 
-    /// Whether the recording begins after the start of a window, so that images of the window are not recorded.
+    /// Whether the recording starts after the start of a window, so that images of the window are not recorded.
     #[must_use]
     pub fn begins_after(&self, window: &Window) -> bool {
         let first = [1, 2].into_iter().filter_map(|camera| self.frame_headers(camera).next());
         first.map(|header| header.exposure_start_ns).max().is_none_or(|first_ns| window.first_exposure_ns < first_ns)
     }
 
-    /// Whether the recording has an image.
+    /// Whether the recording contains an image.
     #[must_use]
     pub fn has_image(&self, camera: u32, session: u64, sequence: u64) -> bool {
         self.frames.contains_key(&(camera, session, sequence))
     }
 
-    /// Ground truth of the scene, if the recording has it.
+    /// Reads the ground truth of the scene, if the recording contains it.
     ///
     /// # Errors
-    /// The attachment is no valid truth file.
+    /// The attachment is not a valid truth file.
     pub fn truth(&self) -> Result<Option<Truth>, RecordingError> {
         let Some(bytes) = self.truth_bytes()? else { return Ok(None) };
         let truth = Truth::parse(&bytes, self.setup.image_size_px);
         truth.map(Some).map_err(|problem| RecordingProblem::Truth(problem).in_file(&self.path))
     }
 
-    /// Content of the attachment `truth.npz`, if there is one.
+    /// Returns the content of the attachment `truth.npz`, if there is one.
     pub(super) fn truth_bytes(&self) -> Result<Option<Vec<u8>>, RecordingError> {
         self.truth.map(|range| self.read_bytes(range).map_err(|p| p.in_file(&self.path))).transpose()
     }
@@ -249,7 +274,7 @@ impl Recording {
             Content::Cloud(_, records) => read_records(&records),
             _ => None,
         };
-        let points = points.ok_or_else(|| entry.problem("is no cloud".to_owned()).in_file(&self.path))?;
+        let points = points.ok_or_else(|| entry.problem("is not a cloud".to_owned()).in_file(&self.path))?;
         Ok(Some(Cloud { points }))
     }
 
@@ -264,17 +289,25 @@ impl Recording {
         })
     }
 
-    /// Reads a part of the file that the scan has already seen, so its size is right.
+    /// Reads a part of the file. The scan has already read this part, so its size is valid.
     fn read_bytes(&self, range: FileRange) -> Result<Vec<u8>, RecordingProblem> {
         let mut bytes = vec![0; range.bytes];
         self.file.read_exact_at(&mut bytes, range.offset).map_err(RecordingProblem::Unreadable)?;
         Ok(bytes)
     }
-}
 
-impl Entry {
-    /// The problem of an invalid message.
-    pub(super) fn problem(&self, what: String) -> RecordingProblem {
-        RecordingProblem::Message { topic: self.topic.name(), sequence: self.sequence, offset: self.range.offset, what }
+    /// Reads the true poses of the object; empty if the recording has none.
+    ///
+    /// # Errors
+    /// A pose cannot be read.
+    pub fn truth_poses(&self) -> Result<TruthPoses, RecordingError> {
+        let mut poses = Vec::new();
+        for message in self.messages_of(Topic::TruthPose) {
+            let message = message?;
+            if let Content::TruthPose(cam1_from_object) = message.content {
+                poses.push(TruthPose { exposure_start_ns: message.publish_ns, cam1_from_object });
+            }
+        }
+        Ok(TruthPoses::new(poses))
     }
 }

@@ -1,4 +1,4 @@
-//! Encoding of the messages of the channels: from header structs and payload bytes to protobuf, with one copy.
+//! Encodes the messages of the channels: converts header structs and payload bytes to protobuf, with one copy.
 
 use std::ops::Range;
 
@@ -22,13 +22,13 @@ use crate::{Topic, TruthPose, schema, truth_poses};
 const DATA_KEY: u8 = 6 << 3 | 2;
 /// Key of the `payload` of maps: field 2, bytes.
 const PAYLOAD_KEY: u8 = 2 << 3 | 2;
-/// Upper limit of the encoded size without payload. A mark may be longer, but is small anyway.
+/// Maximum encoded size without payload, bytes. Only a mark can be longer; it is still small.
 pub(super) const MAX_HEADER_BYTES: usize = 2048;
 
 /// A message of a channel with its payload, ready to be recorded.
 #[derive(Clone, Copy, Debug)]
 pub enum Recordable<'a> {
-    /// An image. Its header names the camera.
+    /// An image. Its header states the camera.
     Frame {
         /// Header of the image.
         header: &'a FrameHeader,
@@ -60,11 +60,11 @@ pub enum Recordable<'a> {
     },
     /// Report of a stage.
     Report(&'a StageReport),
-    /// Figures of a window.
+    /// Report on the quality of a window.
     WindowReport(&'a WindowReport),
     /// True pose of the object.
     TruthPose(&'a TruthPose),
-    /// Pose of the scanner at a cloud, or that it was lost.
+    /// Pose of the scanner at a cloud, or the reason why it is unknown.
     Pose(&'a PoseReport),
     /// Prior of the windows after a cloud.
     Prior {
@@ -73,7 +73,7 @@ pub enum Recordable<'a> {
         /// Payload of the channel: the coarse depth.
         relief: &'a [u8],
     },
-    /// The pose of a tracked cloud as a transform, for viewers.
+    /// Pose of a tracked cloud as a transform, for viewers.
     PoseTransform(&'a PoseReport),
     /// The model, for viewers.
     Model {
@@ -95,7 +95,7 @@ pub enum Recordable<'a> {
         time_ns: u64,
         /// Whether something was lost or failed.
         is_warning: bool,
-        /// Stage or service; `recorder` for messages of the recorder itself.
+        /// Name of the stage or service; `recorder` for messages of the recorder itself.
         source: &'a str,
         /// Text of the event.
         text: &'a str,
@@ -105,26 +105,26 @@ pub enum Recordable<'a> {
 /// One encoded message, or a header and the message that it describes.
 #[derive(Debug, Default)]
 pub struct Encoded {
-    /// Both messages in sequence, without held content at the end.
+    /// Both messages one after the other, without the held content at the end.
     pub(super) bytes: Vec<u8>,
-    /// Content that follows the bytes without being copied.
+    /// Content that follows `bytes` and is not copied.
     pub(super) held: Option<HeldContent>,
     /// Start of the second message.
     pub(super) split: usize,
 }
 
 impl Encoded {
-    /// The messages with their topics: the header, if `topic` has headers, and the message of `topic`.
+    /// Returns the messages with their topics: the header, if `topic` has headers, and the message of `topic`.
     pub fn parts(&self, topic: Topic) -> impl Iterator<Item = (Topic, &[u8])> {
         self.ranges(topic).map(|(topic, range)| (topic, self.bytes.get(range).unwrap_or_default()))
     }
 
-    /// Number of bytes of both messages.
+    /// Returns the size of both messages, bytes.
     pub(super) fn len(&self) -> usize {
         self.bytes.len() + self.held.as_ref().map_or(0, |held| held.bytes().len())
     }
 
-    /// A range of both messages, as its encoded bytes and its held bytes.
+    /// Returns a range of both messages, as its encoded bytes and its held bytes.
     pub(super) fn slices(&self, range: &Range<usize>) -> [&[u8]; 2] {
         let split = self.bytes.len();
         let encoded = self.bytes.get(range.start.min(split)..range.end.min(split));
@@ -135,7 +135,7 @@ impl Encoded {
         [encoded.unwrap_or_default(), held.unwrap_or_default()]
     }
 
-    /// The same as byte ranges.
+    /// Returns the byte ranges of the messages, with their topics.
     pub(super) fn ranges(&self, topic: Topic) -> impl Iterator<Item = (Topic, Range<usize>)> + use<> {
         let end = self.len();
         let split = topic.header().map_or(0, |_| self.split.min(end));
@@ -151,7 +151,7 @@ pub(super) struct Times {
 }
 
 impl Recordable<'_> {
-    /// The topic that counts the message; `None` if the message contradicts itself.
+    /// Returns the topic under which the message is counted; `None` if the message contradicts itself.
     #[must_use]
     pub fn topic(&self) -> Option<Topic> {
         match self {
@@ -181,7 +181,7 @@ impl Recordable<'_> {
                 (has_possible_length(&report.window) && report.state().is_some()).then_some(Topic::Pose)
             }
             Self::PoseTransform(report) => report.has_pose().then_some(Topic::Transforms),
-            Self::Prior { header, relief } => wire::prior::is_whole(header, relief).then_some(Topic::Prior),
+            Self::Prior { header, relief } => wire::prior::is_consistent(header, relief).then_some(Topic::Prior),
             Self::Model { header, points } => {
                 let expected = header.points.checked_mul(MODEL_POINT_BYTES as u64);
                 (Some(points.len() as u64) == expected).then_some(Topic::Model)
@@ -217,7 +217,7 @@ impl Recordable<'_> {
         }
     }
 
-    /// Approximate size of the encoded form, bytes.
+    /// Returns the approximate size of the encoded form, bytes.
     pub(super) fn encoded_size(&self) -> usize {
         let payload = match self {
             Self::Frame { image, .. } => image.len(),
@@ -236,7 +236,7 @@ impl Recordable<'_> {
         payload + MAX_HEADER_BYTES
     }
 
-    /// Encodes the message into a buffer, whose content is replaced.
+    /// Encodes the message into a buffer and replaces its content.
     pub fn encode(&self, out: &mut Encoded) {
         out.bytes.clear();
         out.held = None;
@@ -285,7 +285,8 @@ impl Recordable<'_> {
     }
 }
 
-/// Encodes an image into a buffer, whose content is replaced, without the `image_bytes` bytes of the image itself.
+/// Encodes an image into a buffer and replaces its content. The `image_bytes` bytes of the image itself are not
+/// included.
 pub(super) fn encode_frame(header: &FrameHeader, image_bytes: usize, out: &mut Encoded) {
     let Encoded { bytes, held, split } = out;
     bytes.clear();
@@ -301,7 +302,7 @@ fn has_possible_length(window: &Window) -> bool {
 }
 
 fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {
-    // A vector grows, so this cannot fail.
+    // Encoding to a vector cannot fail, because the vector grows.
     let _ = message.encode(bytes);
 }
 
@@ -309,19 +310,19 @@ fn append_struct<M: Convert + prost::Message + Default>(bytes: &mut Vec<u8>, sou
     append(bytes, &M::from_struct(source).unwrap_or_default());
 }
 
-/// Adds a field of bytes to an encoded message. The order of fields does not matter.
+/// Adds a bytes field to an encoded message. The order of the fields does not matter.
 fn append_bytes(bytes: &mut Vec<u8>, key: u8, content: &[u8]) {
     append_length(bytes, key, content.len());
     bytes.extend_from_slice(content);
 }
 
-/// Adds key and length of a field of bytes.
+/// Adds the key and the length of a bytes field.
 fn append_length(bytes: &mut Vec<u8>, key: u8, length: usize) {
     bytes.push(key);
     let _ = prost::encode_length_delimiter(length, bytes);
 }
 
-/// Bytes of a row without padding.
+/// Size of a row without padding, bytes.
 pub(super) fn min_stride_bytes(header: &FrameHeader) -> u32 {
     let bytes = PixelFormat::from_code(header.pixel_format).map_or(1, PixelFormat::bytes);
     header.width_px.saturating_mul(bytes as u32)

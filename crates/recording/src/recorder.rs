@@ -1,9 +1,9 @@
 //! The recorder takes messages without waiting for the disk, and writes them in its own thread.
 //!
-//! In: messages of the channels. Out: a recording, and counts of written and lost messages, by topic and reason. Every half
-//! second the messages so far are handed to the kernel, so a killed process loses no more than that. Every two seconds they
-//! are synchronized to the disk. A full disk ends the recording with a complete file. The scan goes on, and later messages
-//! are counted as lost.
+//! In: messages of the channels. Out: a recording, and counts of written and lost messages, by topic and reason. Every
+//! half second the messages so far are handed to the kernel, so a killed process loses no more than that. Every two
+//! seconds they are synchronized to the disk. A full disk ends the recording with a complete file. The scan goes on,
+//! and later messages are counted as lost.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,8 +26,8 @@ use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem, Topic}
 pub const DEFAULT_QUEUE_BYTES: usize = 256 << 20;
 /// Default free space that stays on the disk, bytes.
 pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
-/// Maximum number of images held at once: enough for a chunk and the images after it, and fewer than a channel allows its
-/// subscribers to hold.
+/// Maximum number of images held at once: enough for a chunk and the images after it, and fewer than a channel allows
+/// its subscribers to hold.
 pub const MAX_HELD_IMAGES: usize = 8;
 /// Longest time until a message is handed to the kernel.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
@@ -92,8 +92,8 @@ impl Recorder {
         self.enqueue(topic, message.times(), message.encoded_size(), |encoded| message.encode(encoded));
     }
 
-    /// Takes an image without copying it. The image must not change until it is dropped, once it is in the file. At most
-    /// [`MAX_HELD_IMAGES`] are held at once; further images are copied.
+    /// Takes an image without copying it. The image must not change until it is dropped, once it is in the file. At
+    /// most [`MAX_HELD_IMAGES`] are held at once; further images are copied.
     pub fn push_held(&self, header: &FrameHeader, image: impl AsRef<[u8]> + Send + 'static) {
         let message = Recordable::Frame { header, image: image.as_ref() };
         let Some((topic, slot)) = message.topic().zip(self.slots.take()) else { return self.push(&message) };

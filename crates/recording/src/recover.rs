@@ -1,7 +1,7 @@
-//! Recovers a cut, damaged or unfinished recording: writes a complete recording of all readable parts.
+//! Recovers a truncated, damaged or unfinished recording: writes a complete recording with all readable parts.
 //!
-//! Data with a correct checksum are kept. The rest is left out and reported: cut or altered chunks, and headers without
-//! their message. The new file states that it was recovered, and counts its messages.
+//! Data with a correct checksum are kept. The rest is skipped and reported: truncated or altered chunks, and headers
+//! without their message. The new file states that it was recovered, and counts its messages.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,20 +14,22 @@ use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 
 use crate::collect::check_version;
 use crate::content::Header;
-use crate::file::UNFINISHED_RECOVERY;
 use crate::recordable::Times;
 use crate::scan::{Found, FoundMessage, ScanMode, scan};
 use crate::writer::RecordingWriter;
-use crate::{CONFIGURATION_FILE, Content, METADATA, RECORDER_METADATA, RecordingError, RecordingProblem, Topic};
+use crate::{
+    CONFIGURATION_FILE, Content, METADATA, RECORDER_METADATA, RecordingError, RecordingProblem, Topic,
+    UNFINISHED_RECOVERY,
+};
 
 /// Result of a recovery.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Recovered {
-    /// Recovered messages, by topic, without headers.
+    /// Number of recovered messages, by topic, without headers.
     pub messages: BTreeMap<&'static str, u64>,
-    /// Messages left out: a header without its message or the reverse, or invalid content.
+    /// Number of messages skipped: headers without their message, messages without their header, and invalid content.
     pub left_out: u64,
-    /// Messages of unknown topics, left out as well.
+    /// Number of messages of unknown topics, which are skipped as well.
     pub foreign: BTreeMap<String, u64>,
     /// Missing attachments and metadata that a measurement needs.
     pub missing: Vec<&'static str>,
@@ -38,7 +40,7 @@ pub struct Recovered {
 /// Writes all readable parts of `damaged` to the new recording `target`.
 ///
 /// # Errors
-/// The file cannot be read, is no MCAP file or of a newer version, or the new file cannot be written.
+/// The file cannot be read, is not an MCAP file, or is of a newer version; or the new file cannot be written.
 pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Recovered, RecordingError> {
     let file = File::open(damaged).map_err(|e| RecordingProblem::Unreadable(e).in_file(damaged))?;
     let mut recovery = Recovery {
@@ -70,7 +72,7 @@ pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Rec
     Ok(recovered)
 }
 
-/// A fault without its remedy, since this is the remedy.
+/// Describes a fault without its remedy, since recovery is the remedy.
 fn fault_text(problem: &RecordingProblem) -> String {
     match problem {
         RecordingProblem::Unfinished { offset, within } => format!("the file ends at byte {offset} {within}"),
@@ -84,11 +86,11 @@ struct Recovery {
     recovered: Recovered,
     /// Names of the attachments and metadata found.
     found: Vec<String>,
-    /// Final account of the recorder, if the file has one.
+    /// Final counts of the recorder, if the file contains them.
     account: BTreeMap<String, String>,
-    /// Recovered messages that the recorder had counted.
+    /// Number of recovered messages that the recorder had counted.
     written: u64,
-    /// Headers whose image or cloud is not found yet.
+    /// Headers whose image or cloud has not been found yet.
     headers: BTreeMap<(Topic, u32), (Header, Times, Vec<u8>)>,
 }
 

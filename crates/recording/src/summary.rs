@@ -1,4 +1,4 @@
-//! Figures of a recording.
+//! Summary of a recording: sizes, rates and losses.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use fringeflow_message::{Stage, StageReport};
 
 use crate::{Content, Origin, Recording, RecordingError, Topic};
 
-/// Figures of a recording.
+/// Summary of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Name of the scene.
@@ -17,11 +17,11 @@ pub struct Summary {
     pub bytes: u64,
     /// Version of fringeflow that wrote the recording.
     pub version: String,
-    /// Machine and time at the start of the recording.
+    /// Computer and time at the start of the recording.
     pub origin: Origin,
     /// Width and height of the images, pixels.
     pub image_size_px: [usize; 2],
-    /// Format of the images, as V4L2 names it.
+    /// Format of the images; its name in V4L2.
     pub pixel_format: &'static str,
     /// Number of steps of a cycle.
     pub steps: usize,
@@ -29,7 +29,7 @@ pub struct Summary {
     pub duration_s: f64,
     /// Messages by topic.
     pub topics: Vec<TopicSummary>,
-    /// Points of all clouds.
+    /// Number of points of all clouds.
     pub points: u64,
     /// Marks of the user.
     pub marks: Vec<Remark>,
@@ -37,7 +37,7 @@ pub struct Summary {
     pub losses: Vec<Remark>,
     /// Messages that the recorder lost; `None` if it was killed and could not report them.
     pub lost: Option<u64>,
-    /// Final account of the recorder.
+    /// Final counts of the recorder.
     pub account: BTreeMap<String, String>,
     /// Last report of every stage.
     pub stages: Vec<StageSummary>,
@@ -79,7 +79,7 @@ pub struct StageSummary {
 }
 
 impl Recording {
-    /// The figures of the recording, without reading the images.
+    /// Returns the summary of a recording, without reading the images.
     ///
     /// # Errors
     /// A log message or report cannot be read.

@@ -29,7 +29,7 @@ macro_rules! topics {
     };
 }
 
-// The order gives the MCAP channels, so new topics go at the end.
+// The order determines the MCAP channels, so new topics must be added at the end.
 topics! {
     Cam1Frame = "/cam1/frame", "Images of camera 1.";
     Cam1Header = "/cam1/header", "Headers of the images of camera 1.";
@@ -45,26 +45,27 @@ topics! {
     Transforms = "/tf", "Poses of cameras, projector and measurement volume.";
     Cam1Calibration = "/cam1/calibration", "Calibration of camera 1.";
     Cam2Calibration = "/cam2/calibration", "Calibration of camera 2.";
-    WindowReport = "/report/window", "Figures of the windows.";
+    WindowReport = "/report/window", "Quality of each window.";
     TruthPose = "/truth/pose", "True pose of the object, at every exposure.";
     Pose = "/tracking/pose", "Pose of the scanner, at every cloud.";
-    Model = "/tracking/model", "The growing model. It is only shown live, since the clouds can rebuild it.";
+    Model = "/tracking/model", "The growing model. It is only shown live, because it can be rebuilt from the clouds.";
     Prior = "/tracking/prior", "Prior of the next windows, after every cloud.";
 }
 
 impl Topic {
-    /// The topic of a name; `None` for an unknown name.
+    /// Returns the topic with this name; `None` for an unknown name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
     }
 
-    /// MCAP channel of the topic. It is the same in every recording, so that messages survive the loss of the channel record.
+    /// MCAP channel of the topic. It is the same in every recording, so that messages can be read even if the channel
+    /// record is lost.
     pub(super) fn channel_id(self) -> u16 {
         self as u16 + 1
     }
 
-    /// The topic with the headers of this topic, if it has headers.
+    /// Returns the topic with the headers of this topic, if it has headers.
     #[must_use]
     pub fn header(self) -> Option<Self> {
         match self {
@@ -75,12 +76,12 @@ impl Topic {
         }
     }
 
-    /// Whether the topic only serves viewers.
+    /// Whether the topic is only for viewers.
     pub(super) fn is_for_viewers(self) -> bool {
         matches!(self, Self::Transforms | Self::Cam1Calibration | Self::Cam2Calibration | Self::Model)
     }
 
-    /// Whether the topic has the headers of another topic.
+    /// Whether the topic contains the headers of another topic.
     pub(super) fn is_header(self) -> bool {
         matches!(self, Self::Cam1Header | Self::Cam2Header | Self::CloudHeader)
     }

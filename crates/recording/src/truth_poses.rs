@@ -1,15 +1,14 @@
 //! True poses of the object, in recordings of the virtual scanner.
 //!
-//! A pose gives the frame of the object in the frame of the *exact* camera 1, in metres, at the start of an exposure. The
-//! camera frame of a cloud differs by the calibration error. The frame of the measurement volume converts between both
-//! (`Setup::volume`, `Setup::exact_cam1_from_volume`).
+//! A pose is that of the object frame in the frame of the *exact* camera 1, in metres, at the start of an exposure. The
+//! camera frame of a cloud differs from it by the calibration error. The pose of the measurement volume is known in
+//! both frames (`Setup::volume`, `Setup::exact_cam1_from_volume`), so it converts between them.
 
 use foxglove::messages::FrameTransform;
 
 use fringeflow::geometry::{Point3, Pose, interpolate_pose};
 
 use crate::viewers::transform;
-use crate::{Content, Recording, RecordingError, Topic};
 
 /// Frame of the exact camera 1.
 const PARENT: &str = "cam1_exact";
@@ -25,20 +24,26 @@ pub struct TruthPose {
     pub cam1_from_object: Pose,
 }
 
-/// The poses of a recording, in the order of their times.
+/// The true poses of a recording, in the order of their times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TruthPoses {
     poses: Vec<TruthPose>,
 }
 
 impl TruthPoses {
-    /// All poses, in the order of their times.
+    /// Creates it from poses in any order.
+    pub(super) fn new(mut poses: Vec<TruthPose>) -> Self {
+        poses.sort_by_key(|pose| pose.exposure_start_ns);
+        Self { poses }
+    }
+
+    /// Returns all poses, in the order of their times.
     #[must_use]
     pub fn all(&self) -> &[TruthPose] {
         &self.poses
     }
 
-    /// The pose at a time, interpolated between exposures; `None` before the first and after the last.
+    /// Returns the pose at a time, interpolated between exposures; `None` before the first and after the last.
     #[must_use]
     pub fn pose_at(&self, time_ns: u64) -> Option<Pose> {
         let next = self.poses.partition_point(|pose| pose.exposure_start_ns < time_ns);
@@ -52,30 +57,12 @@ impl TruthPoses {
     }
 }
 
-impl Recording {
-    /// The true poses of the object; empty if the recording has none.
-    ///
-    /// # Errors
-    /// A pose cannot be read.
-    pub fn truth_poses(&self) -> Result<TruthPoses, RecordingError> {
-        let mut poses = Vec::new();
-        for message in self.messages_of(Topic::TruthPose) {
-            let message = message?;
-            if let Content::TruthPose(cam1_from_object) = message.content {
-                poses.push(TruthPose { exposure_start_ns: message.publish_ns, cam1_from_object });
-            }
-        }
-        poses.sort_by_key(|pose| pose.exposure_start_ns);
-        Ok(TruthPoses { poses })
-    }
-}
-
-/// The recorded form of a pose.
+/// Converts a pose to its recorded form.
 pub(super) fn encode(pose: &TruthPose) -> FrameTransform {
     transform([PARENT, CHILD], &pose.cam1_from_object, pose.exposure_start_ns)
 }
 
-/// The pose of its recorded form, or the fault.
+/// Returns the pose of a recorded form, or what is wrong with it.
 pub(super) fn decode(transform: &FrameTransform) -> Result<Pose, String> {
     let frames = [transform.parent_frame_id.as_str(), transform.child_frame_id.as_str()];
     if frames != [PARENT, CHILD] {
@@ -107,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn between_exposures_poses_are_interpolated_and_beyond_unknown() {
+    fn poses_are_interpolated_between_exposures_and_unknown_outside() {
         let poses = TruthPoses { poses: vec![pose(10), pose(20), pose(40)] };
         for time_ns in [10, 13, 20, 33, 40] {
             let off =
@@ -118,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_reads_back_and_an_invalid_one_is_refused() {
+    fn a_pose_is_read_unchanged_and_an_invalid_one_is_refused() {
         let transform = encode(&pose(7));
         let off = decode(&transform).unwrap().to_homogeneous() - pose(7).cam1_from_object.to_homogeneous();
         assert!(off.amax() < 1e-12);

@@ -1,4 +1,4 @@
-//! Messages in the schemas of Foxglove, which viewers show: images, clouds, transforms, calibration, log.
+//! Messages in the schemas of Foxglove, for viewers: images, clouds, transforms, calibration, log.
 
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
@@ -37,7 +37,7 @@ pub fn static_messages(setup: &Setup, time_ns: u64) -> [(Topic, Vec<u8>); 3] {
     ]
 }
 
-/// Camera 2, projector and measurement volume in the frame of camera 1.
+/// Transforms of camera 2, projector and measurement volume in the frame of camera 1.
 fn static_transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
     let mut transforms = vec![
         transform(["cam1", "cam2"], &setup.rig.cam2_from_cam1.inverse(), time_ns),
@@ -48,7 +48,7 @@ fn static_transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
     FrameTransforms { transforms }
 }
 
-/// The pose of a child frame in its parent frame.
+/// Creates the message with the pose of a child frame in its parent frame.
 pub(super) fn transform([parent, child]: [&str; 2], parent_from_child: &Pose, time_ns: u64) -> FrameTransform {
     let (t, q) = (parent_from_child.translation.vector, parent_from_child.rotation);
     FrameTransform {
@@ -60,7 +60,7 @@ pub(super) fn transform([parent, child]: [&str; 2], parent_from_child: &Pose, ti
     }
 }
 
-/// Calibration of a camera. The measurement reads the attachment instead.
+/// Creates the calibration message of a camera. The measurement reads the attachment instead.
 fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration {
     let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.principal_px());
     let d = camera.distortion().to_opencv();
@@ -77,7 +77,7 @@ fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration 
     }
 }
 
-/// Camera 1 in the frame of the model.
+/// Creates the transform of camera 1 in the frame of the model.
 pub(super) fn pose_transforms(report: &PoseReport) -> FrameTransforms {
     let [x, y, z] = report.position_m;
     let translation = Some(Vector3 { x, y, z });
@@ -92,7 +92,7 @@ pub(super) fn pose_transforms(report: &PoseReport) -> FrameTransforms {
     FrameTransforms { transforms: vec![transform] }
 }
 
-/// An image without its `data`.
+/// Creates an image message without its `data`.
 pub(super) fn raw_image(header: &FrameHeader) -> RawImage {
     RawImage {
         timestamp: timestamp(header.exposure_start_ns),
@@ -105,7 +105,7 @@ pub(super) fn raw_image(header: &FrameHeader) -> RawImage {
     }
 }
 
-/// Foxglove's name of an image format; `None` for a format that is not recorded.
+/// Returns the name of an image format in Foxglove; `None` for a format that is not recorded.
 pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
     Some(match PixelFormat::from_code(header.pixel_format)?.bytes() {
         1 => "mono8",
@@ -113,7 +113,7 @@ pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
     })
 }
 
-/// A cloud without its `data`.
+/// Creates a cloud message without its `data`.
 pub(super) fn point_cloud(header: &CloudHeader) -> PointCloud {
     let mut offset = 0;
     let fields = FIELDS.map(|(name, scalar)| {
@@ -124,7 +124,7 @@ pub(super) fn point_cloud(header: &CloudHeader) -> PointCloud {
     packed_cloud("cam1", header.window.centre_ns, RECORD_BYTES, fields.to_vec())
 }
 
-/// The points of a model without their `data`.
+/// Creates a message with the points of a model, without their `data`.
 pub(super) fn model_cloud(header: &ModelHeader) -> PointCloud {
     let fields = MODEL_FIELDS.map(|(name, scalar, offset)| packed_field(name, scalar, offset));
     packed_cloud(MODEL, header.centre_ns, MODEL_POINT_BYTES, fields.to_vec())
@@ -162,7 +162,7 @@ pub(super) fn log_message(time_ns: u64, level: log::Level, name: &str, text: &st
     }
 }
 
-/// A time in Foxglove's messages; later times than 2106 are shown as 0.
+/// Converts a time to that of Foxglove; times after 2106 are shown as 0.
 fn timestamp(time_ns: u64) -> Option<Timestamp> {
     let seconds = u32::try_from(time_ns / 1_000_000_000).ok()?;
     Timestamp::new_checked(seconds, (time_ns % 1_000_000_000) as u32)

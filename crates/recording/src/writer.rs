@@ -1,7 +1,7 @@
 //! Writes a recording, message by message, in the thread of the caller.
 //!
-//! In: a setup, a configuration text, then messages. Out: an uncompressed MCAP file in chunks with checksums. Compression
-//! of fringe images takes ten times the time and saves nothing, because of their noise.
+//! In: a setup, a configuration text, then messages. Out: an uncompressed MCAP file in chunks with checksums.
+//! Compression of fringe images would take ten times as long and save nothing, because of their noise.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,19 +18,20 @@ use crate::{
     static_messages,
 };
 
-/// Messages up to this size are copied into the chunk. Buffers of larger messages are held until the chunk is in the file.
+/// Messages up to this size are copied into the chunk. Buffers of larger messages are held until the chunk is in the
+/// file.
 const COPIED_BYTES: usize = 16 << 10;
 
-/// The beginning of a recording.
+/// Options of a new recording, and the content of its start.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening<'a> {
     /// Rig, pattern and measurement volume.
     pub setup: &'a Setup,
     /// Text of the configuration of the scan.
     pub configuration: &'a str,
-    /// Machine and time at the start of the recording.
+    /// Computer and time at the start of the recording.
     pub origin: &'a Origin,
-    /// Bytes of the disk that must stay free.
+    /// Number of bytes of the disk that must stay free.
     pub min_free_bytes: u64,
 }
 
@@ -40,7 +41,7 @@ pub(super) struct RecordingWriter {
     file: UnfinishedFile,
     target: PathBuf,
     channels: BTreeMap<Topic, Channel>,
-    /// Buffers of copied messages, free to be reused.
+    /// Buffers of copied messages, which can be reused.
     free_buffers: Vec<Encoded>,
 }
 
@@ -51,7 +52,7 @@ struct Channel {
 }
 
 impl RecordingWriter {
-    /// Creates the file and writes the beginning of a recording.
+    /// Creates the file and writes the start of a recording.
     pub(super) fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let mut writer = Self::create_empty(target, UNFINISHED, opening.min_free_bytes)?;
         match writer.write_opening(opening) {
@@ -60,7 +61,7 @@ impl RecordingWriter {
         }
     }
 
-    /// Creates the file and writes nothing but its header.
+    /// Creates the file and writes only its header.
     pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
         let library = concat!("fringeflow ", env!("CARGO_PKG_VERSION"));
@@ -89,7 +90,7 @@ impl RecordingWriter {
         self.flush()
     }
 
-    /// Reserves disk space for a message; `false` if the disk is full.
+    /// Reserves disk space for a message. Returns `false` if the disk is full.
     pub(super) fn reserve(&mut self, message_bytes: usize) -> bool {
         self.file.reserve(message_bytes)
     }
@@ -100,8 +101,8 @@ impl RecordingWriter {
         has_space.then_some(()).ok_or_else(|| RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()))
     }
 
-    /// Writes a message, and its header before it if its topic has one. The buffer is [`Self::released`] once its content is in
-    /// the file.
+    /// Writes a message, and its header before it if its topic has one. The buffer is [`Self::released`] once its
+    /// content is in the file.
     pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: Encoded) -> Result<(), RecordingProblem> {
         if encoded.held.is_none() && encoded.len() <= COPIED_BYTES {
             let written = encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data));
@@ -116,7 +117,7 @@ impl RecordingWriter {
         })
     }
 
-    /// Buffers that are not needed any more.
+    /// Returns the buffers that are no longer needed.
     pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
         self.free_buffers.drain(..).chain(self.mcap.released())
     }
@@ -127,7 +128,7 @@ impl RecordingWriter {
         self.message(&header, Content::Copied(data))
     }
 
-    /// Writes one message with this sequence number. Later messages of the topic count on from it.
+    /// Writes one message with this sequence number. Later messages of the topic are numbered from there.
     pub(super) fn write_numbered(
         &mut self,
         topic: Topic,
@@ -143,7 +144,7 @@ impl RecordingWriter {
         self.mcap.message(header, content).map_err(RecordingProblem::Unwritable)
     }
 
-    /// The header of the next message of a topic.
+    /// Creates the header of the next message of a topic.
     fn next_header(&mut self, topic: Topic, times: Times) -> MessageHeader {
         let Channel { id, sequence } = *self.channel(topic);
         self.channel(topic).sequence = sequence.wrapping_add(1);
@@ -178,17 +179,17 @@ impl RecordingWriter {
         self.mcap.metadata(name, entries).map_err(RecordingProblem::Unwritable)
     }
 
-    /// Closes the chunk and hands everything to the kernel, so that it survives the process.
+    /// Closes the chunk and hands everything to the kernel, so that it is kept if the process dies.
     pub(super) fn flush(&mut self) -> Result<(), RecordingProblem> {
         self.mcap.close_chunk().map_err(RecordingProblem::Unwritable)
     }
 
-    /// Synchronizes the flushed data to the disk, so that it survives the machine.
+    /// Synchronizes the flushed data to the disk, so that it is kept if the computer fails.
     pub(super) fn sync(&self) -> Result<(), RecordingProblem> {
         self.file.sync().map_err(RecordingProblem::Unwritable)
     }
 
-    /// Writes the account of the recorder and the end of the file, and renames the file to its final name.
+    /// Writes the final counts of the recorder and the end of the file, and renames the file to its final name.
     pub(super) fn finish(mut self, account: &BTreeMap<String, String>) -> Result<PathBuf, RecordingError> {
         let written = self.metadata(RECORDER_METADATA, account);
         let finished = written.and_then(|()| self.mcap.finish().map_err(RecordingProblem::Unwritable));
@@ -196,7 +197,7 @@ impl RecordingWriter {
         self.file.finish()
     }
 
-    /// Removes the file after a problem at its beginning; returns the error.
+    /// Removes the file after a problem at its start, and returns the error.
     pub(super) fn abort(self, problem: RecordingProblem) -> RecordingError {
         let error = problem.in_file(&self.target);
         self.discard();

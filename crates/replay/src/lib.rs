@@ -1,4 +1,4 @@
-//! Recomputes a recording: every cloud from its images, every pose from its clouds.
+//! Recomputes a recording: every cloud from its images, and every pose from the clouds.
 //!
 //! ```text
 //!  recording ─► images, priors ─► Reconstructor ─► cloud ─┐
@@ -47,12 +47,12 @@ pub enum ReplayError {
     Configuration {
         /// The recording.
         file: PathBuf,
-        /// Problem of its configuration.
+        /// What is wrong with the configuration.
         #[source]
         problem: ConfigurationProblem,
     },
-    /// Setup and configuration are valid but do not allow a measurement.
-    #[error("{}: cannot be measured with: {problem}", file.display())]
+    /// Setup and configuration are valid, but a measurement is not possible with them.
+    #[error("{}: cannot be used for a measurement: {problem}", file.display())]
     NotMeasurable {
         /// The recording.
         file: PathBuf,
@@ -61,7 +61,7 @@ pub enum ReplayError {
     },
 }
 
-/// The configuration of a recording.
+/// Returns the configuration of a recording.
 ///
 /// # Errors
 /// The configuration is invalid.
@@ -70,10 +70,10 @@ pub fn configuration(recording: &Recording) -> Result<Configuration, ReplayError
         .map_err(|problem| ReplayError::Configuration { file: recording.path().to_owned(), problem })
 }
 
-/// A reconstructor with the setup and configuration of a recording.
+/// Creates a reconstructor with the setup and configuration of a recording.
 ///
 /// # Errors
-/// The configuration is invalid, or the rig does not allow a measurement.
+/// The configuration is invalid, or a measurement is not possible with the rig.
 pub fn reconstructor(recording: &Recording) -> Result<Reconstructor, ReplayError> {
     let configuration = configuration(recording)?;
     build_reconstructor(recording, &configuration)

@@ -1,4 +1,4 @@
-//! Recomputed clouds of small recordings.
+//! Recomputes the clouds of small recordings.
 
 #[path = "../../recording/src/tests/plane.rs"]
 mod plane;
@@ -25,22 +25,22 @@ fn imported(folder: &TempDir) -> PathBuf {
     path
 }
 
-/// Records the dataset with the cloud of its first window, changed by `alter`.
-fn with_cloud(folder: &TempDir, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8>)) -> Recording {
+/// Records the dataset with the cloud of its first window, modified by `change`.
+fn with_cloud(folder: &TempDir, change: impl FnOnce(&mut CloudHeader, &mut Vec<u8>)) -> Recording {
     let imported = Recording::open(&imported(folder)).unwrap();
     let mut reconstructor: Reconstructor = reconstructor(&imported).unwrap();
     let images = CameraId::BOTH.map(|camera| dataset().phase_images(camera, &[0, 1, 2, 3]).unwrap());
     let [cam1, cam2] = images.each_ref().map(|images| GreyImage::levels_of(images));
-    let made = reconstructor.reconstruct(0, &cam1, &cam2, None).unwrap();
-    assert!(made.cloud.points.len() > 100, "{}", made.cloud.points.len());
+    let reconstructed = reconstructor.reconstruct(0, &cam1, &cam2, None).unwrap();
+    assert!(reconstructed.cloud.points.len() > 100, "{}", reconstructed.cloud.points.len());
     let mut records = Vec::new();
-    write_records(&mut records, &made.cloud.points, 1.0).unwrap();
+    write_records(&mut records, &reconstructed.cloud.points, 1.0).unwrap();
     let mut window = Window { cam1_session: 1, cam2_session: 1, images: 4, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[0, 1, 2, 3]);
     window.cam2_sequence = window.cam1_sequence;
     let window = Window { first_exposure_ns: 1_000_000_000, received_ns: 1_080_000_000, ..window };
-    let mut header = CloudHeader { points: made.cloud.points.len() as u64, window, ..CloudHeader::default() };
-    alter(&mut header, &mut records);
+    let mut header = CloudHeader { points: reconstructed.cloud.points.len() as u64, window, ..CloudHeader::default() };
+    change(&mut header, &mut records);
 
     let origin = Origin::default();
     let opening = Opening { setup: &dataset().setup, configuration: "", origin: &origin, min_free_bytes: 0 };
@@ -59,12 +59,14 @@ fn with_cloud(folder: &TempDir, alter: impl FnOnce(&mut CloudHeader, &mut Vec<u8
 }
 
 fn outcome(recording: &Recording) -> VerifyOutcome {
-    let [cloud] = &verify(recording, |_| ()).unwrap()[..] else { panic!("one cloud") };
+    let [cloud] = &verify(recording, |_| ()).unwrap()[..] else {
+        panic!("the recording does not have exactly one cloud")
+    };
     cloud.outcome.clone()
 }
 
 #[test]
-fn a_cloud_is_made_again_of_its_images_to_the_last_byte() {
+fn a_recomputed_cloud_is_equal_to_the_last_byte() {
     let folder = tempfile::tempdir().unwrap();
     let recording = with_cloud(&folder, |_, _| ());
     assert_eq!(outcome(&recording), VerifyOutcome::Same);
@@ -76,14 +78,14 @@ fn a_cloud_is_made_again_of_its_images_to_the_last_byte() {
 }
 
 #[test]
-fn one_bit_of_one_point_is_found() {
+fn one_changed_bit_of_a_point_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let recording = with_cloud(&folder, |_, records| records[RECORD_BYTES * 50 + 3] ^= 1);
     assert!(matches!(outcome(&recording), VerifyOutcome::Different { first: 50, .. }), "{:?}", outcome(&recording));
 }
 
 #[test]
-fn a_cloud_without_its_images_is_a_loss_and_one_from_before_is_not() {
+fn missing_images_are_a_loss_unless_they_are_older_than_the_recording() {
     let folder = tempfile::tempdir().unwrap();
     let recording = with_cloud(&folder, |header, _| header.window.cam2_sequence[2] = 17);
     assert_eq!(outcome(&recording), VerifyOutcome::ImagesMissing);
@@ -100,7 +102,7 @@ fn a_cloud_without_its_images_is_a_loss_and_one_from_before_is_not() {
 }
 
 #[test]
-fn images_of_the_wrong_order_make_no_such_cloud() {
+fn images_in_the_wrong_order_give_another_result() {
     let folder = tempfile::tempdir().unwrap();
     let recording = with_cloud(&folder, |header, _| header.window.cam1_sequence.swap(0, 1));
     assert_ne!(outcome(&recording), VerifyOutcome::Same);

@@ -1,7 +1,7 @@
 //! Recomputes every recorded cloud from its images and compares byte by byte.
 //!
-//! In: a recording with images and clouds. Out: the outcome of each cloud. The window of a cloud names its images; the
-//! attachments have calibration, pattern and settings. The result does not depend on the number of threads.
+//! In: a recording with images and clouds. Out: the outcome of each cloud. The window of a cloud lists its images; the
+//! attachments contain calibration, pattern and settings. The result does not depend on the number of threads.
 
 use serde::Serialize;
 
@@ -30,9 +30,9 @@ pub struct VerifiedCloud {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VerifyOutcome {
-    /// The same bytes.
+    /// The bytes are equal.
     Same,
-    /// Different bytes.
+    /// The bytes differ.
     Different {
         /// Points of the recomputed cloud.
         points: u64,
@@ -43,16 +43,16 @@ pub enum VerifyOutcome {
     ImagesMissing,
     /// The prior of the window is not in the recording.
     PriorMissing,
-    /// The window began before the recording.
+    /// The window started before the recording.
     BeforeRecording,
-    /// The images give no cloud, for this reason.
+    /// No cloud could be computed from the images, for this reason.
     NoCloud(String),
 }
 
-/// Recomputes every recorded cloud and compares. Calls `each` with every result.
+/// Recomputes every recorded cloud and compares it with the recorded one. Calls `each` with every result.
 ///
 /// # Errors
-/// As [`reconstructor`], or the file cannot be read.
+/// Those of [`reconstructor`], or the file cannot be read.
 pub fn verify(recording: &Recording, mut each: impl FnMut(&VerifiedCloud)) -> Result<Vec<VerifiedCloud>, ReplayError> {
     let mut reconstructor = reconstructor(recording)?;
     let priors = recording.priors()?;
@@ -86,18 +86,18 @@ fn verify_cloud(
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
     let WindowPrior::Used(prior) = priors.used_by(&header.window) else { return Ok(VerifyOutcome::PriorMissing) };
     Ok(match reconstructor.reconstruct(header.window.first_step as usize, &cam1, &cam2, prior) {
-        Ok(made) => compare(records, &made.cloud),
+        Ok(recomputed) => compare(records, &recomputed.cloud),
         Err(error) => VerifyOutcome::NoCloud(error.to_string()),
     })
 }
 
 fn compare(records: &[u8], cloud: &Cloud) -> VerifyOutcome {
-    let mut made = Vec::with_capacity(cloud.points.len() * RECORD_BYTES);
+    let mut recomputed = Vec::with_capacity(cloud.points.len() * RECORD_BYTES);
     // Writing to a vector cannot fail.
-    let _ = write_records(&mut made, &cloud.points, 1.0);
-    if made == records {
+    let _ = write_records(&mut recomputed, &cloud.points, 1.0);
+    if recomputed == records {
         return VerifyOutcome::Same;
     }
-    let first = made.iter().zip(records).take_while(|(a, b)| a == b).count() / RECORD_BYTES;
+    let first = recomputed.iter().zip(records).take_while(|(a, b)| a == b).count() / RECORD_BYTES;
     VerifyOutcome::Different { points: cloud.points.len() as u64, first: first as u64 }
 }

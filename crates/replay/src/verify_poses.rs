@@ -1,7 +1,8 @@
-//! Recomputes every recorded pose from the recorded clouds and compares to the last bit.
+//! Recomputes every recorded pose from the recorded clouds and compares it to the last bit.
 //!
-//! The speed of the machine decides which clouds a live scanner tracks. The poses depend on these clouds alone. A report
-//! names its cloud and the first cloud of its model. Hence the reports of a model list the tracked clouds in order.
+//! Which clouds a live scanner tracks depends on the speed of the computer. The poses depend only on the tracked
+//! clouds. A report states its cloud and the first cloud of its model, so the reports of a model list the tracked
+//! clouds in order.
 
 use std::collections::HashMap;
 
@@ -17,19 +18,20 @@ use crate::{ReplayError, configuration};
 /// Counts of the recomputed poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct VerifiedPoses {
-    /// Reports, including those on lost clouds.
+    /// Number of reports, including those on lost clouds.
     pub poses: u64,
-    /// The same to the last bit.
+    /// Poses that are equal to the last bit.
     pub same: u64,
-    /// Different.
+    /// Poses that differ.
     pub different: u64,
-    /// Not recomputed: a cloud of the model is not in the recording, which may have started later.
+    /// Poses that cannot be recomputed, because a cloud of the model is not in the recording. The recording may have
+    /// started later than the model.
     pub without_clouds: u64,
-    /// Cloud of the first different pose.
+    /// Number of the cloud of the first pose that differs.
     pub first_different: Option<u64>,
 }
 
-/// A model that is built again.
+/// A model that is rebuilt from the recorded clouds.
 struct RebuiltModel {
     first_cloud: u64,
     tracker: Tracker,
@@ -37,14 +39,14 @@ struct RebuiltModel {
     next: u64,
 }
 
-/// Recomputes every recorded pose and compares. Calls `each` for every report.
+/// Recomputes every recorded pose and compares it. Calls `each` for every report.
 ///
 /// # Errors
 /// The configuration or a message cannot be read.
 pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<VerifiedPoses, ReplayError> {
     let settings = configuration(recording)?.tracking.fusion();
-    let places: HashMap<u64, usize> =
-        recording.cloud_headers().enumerate().map(|(place, header)| (header.published, place)).collect();
+    let indexes: HashMap<u64, usize> =
+        recording.cloud_headers().enumerate().map(|(index, header)| (header.published, index)).collect();
     let mut verified = VerifiedPoses::default();
     let mut rebuilt: Option<RebuiltModel> = None;
     let mut reports = Vec::new();
@@ -61,15 +63,15 @@ pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<Ver
             let tracker = Tracker::new(recording.setup().rig.cam1.clone(), settings);
             rebuilt = Some(RebuiltModel { first_cloud: report.cloud, tracker, next: report.published });
         }
-        let place = places.get(&report.cloud).copied();
+        let index = indexes.get(&report.cloud).copied();
         rebuilt = rebuilt.filter(|model| model.continues_with(report));
-        let Some((model, place)) = rebuilt.as_mut().zip(place) else {
+        let Some((model, index)) = rebuilt.as_mut().zip(index) else {
             verified.without_clouds += 1;
-            // Without one cloud the later poses of the model cannot be the same.
+            // If a cloud is missing, the later poses of the model cannot be equal.
             rebuilt = None;
             continue;
         };
-        if is_same(recording, model, report, place)? {
+        if is_same(recording, model, report, index)? {
             verified.same += 1;
         } else {
             verified.different += 1;
@@ -83,15 +85,15 @@ fn is_same(
     recording: &Recording,
     model: &mut RebuiltModel,
     report: &PoseReport,
-    place: usize,
+    index: usize,
 ) -> Result<bool, ReplayError> {
-    let Some((header, cloud)) = recording.cloud_headers().nth(place).zip(recording.cloud(place)?) else {
+    let Some((header, cloud)) = recording.cloud_headers().nth(index).zip(recording.cloud(index)?) else {
         return Ok(false);
     };
     model.next += 1;
     let tracked = model.tracker.step(&cloud, header.window.centre_ns);
-    let made = pose_report(&model.tracker, &tracked, header, model.first_cloud);
-    Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..made } == *report)
+    let recomputed = pose_report(&model.tracker, &tracked, header, model.first_cloud);
+    Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..recomputed } == *report)
 }
 
 impl RebuiltModel {

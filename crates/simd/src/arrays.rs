@@ -1,8 +1,8 @@
-//! Lanes as arrays: the reference, which the compiler vectorizes for each level.
+//! Lanes as arrays: the reference implementation, which the compiler vectorizes for each level.
 
 use super::{COLUMNS, FourWeights, LANES, Lanes};
 
-/// Lanes for every machine.
+/// Lanes that work on every computer.
 #[derive(Clone, Copy)]
 pub struct Arrays;
 

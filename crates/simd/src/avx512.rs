@@ -1,17 +1,17 @@
 //! Lanes of AVX-512: 32 words per register. Longs and floats take two registers, in the order in which words unpack.
-#![allow(unsafe_code, reason = "instructions of the level; lanes exist only where the machine has them")]
+#![allow(unsafe_code, reason = "uses instructions of the level; the lanes exist only if the processor has them")]
 
 use std::arch::asm;
 use std::arch::x86_64::*;
 
 use super::{COLUMNS, FourWeights, LANES, Lanes, Level};
 
-/// Proof that the machine has AVX-512.
+/// Proof that the processor has AVX-512.
 #[derive(Clone, Copy)]
 pub struct Avx512(());
 
 impl Avx512 {
-    /// The lanes, if the machine has them.
+    /// Returns the lanes if the processor supports them.
     #[inline]
     pub(super) fn new() -> Option<Self> {
         Level::Avx512.is_available().then_some(Self(()))
@@ -20,8 +20,8 @@ impl Avx512 {
 
 type Pair<T> = [T; 2];
 
-/// Applies an instruction to both registers. No closures: those that the compiler does not inline would cost a call per
-/// instruction.
+/// Applies an instruction to both registers. This is a macro and not a function with a closure, because each closure
+/// that is not inlined would cost a call per instruction.
 macro_rules! both {
     ($of:path, $a:expr) => {{
         let [a, b] = $a;
@@ -55,33 +55,33 @@ const fn of_fours(first: usize) -> [u8; 2 * LANES] {
     places
 }
 
-/// The mask of reals, which are in the order of memory already.
+/// Returns the mask of reals, which are already in the order of memory.
 #[inline(always)]
 fn mask_of_reals([a, b]: Pair<__mmask16>) -> __mmask32 {
     u32::from(a) | u32::from(b) << 16
 }
 
-/// Which longs are negative, in the order of words: narrowing keeps their signs.
+/// Returns which longs are negative, in the order of words. Narrowing keeps their signs.
 #[inline(always)]
 fn signs([a, b]: Pair<__m512i>) -> __mmask32 {
-    // SAFETY: the lanes prove the instructions.
+    // SAFETY: the lanes exist only if the processor has these instructions.
     unsafe { _mm512_movepi16_mask(_mm512_packs_epi32(a, b)) }
 }
 
-/// |a| of signed words. Written as assembly: from the absolute difference of widened bytes, the compiler would make a
-/// maximum, a minimum and another difference.
+/// Returns the absolute values of signed words. It is written in assembly, because the compiler would turn the absolute
+/// difference of widened bytes into a maximum, a minimum and another difference.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw")]
 fn amounts(a: __m512i) -> __m512i {
     let amount;
-    // SAFETY: an instruction of this function's features, on registers only.
+    // SAFETY: the instruction belongs to the target features of this function and uses only registers.
     unsafe {
         asm!("vpabsw {}, {}", lateout(zmm_reg) amount, in(zmm_reg) a, options(pure, nomem, nostack, preserves_flags));
     };
     amount
 }
 
-// SAFETY of all blocks below: a value of `Avx512` proves that the machine has the instructions. Addresses come from
+// SAFETY of all blocks below: a value of `Avx512` proves that the processor has the instructions. Addresses come from
 // references to arrays of the length that is read or written. No instruction requires alignment.
 impl Lanes for Avx512 {
     type Words = __m512i;
@@ -130,7 +130,7 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn share_of_bytes(self, small: __m512i, large: __m512i) -> __m512i {
         const WHOLE: f32 = 32767.0;
-        // A word below this one is the float 2^23 + the word.
+        // The float with this high word and a low word w is 2^23 + w.
         const HIGH_WORD: i16 = 0x4b00;
         const ADDED: f32 = 8_388_608.0;
         let high = self.word(HIGH_WORD);
@@ -143,7 +143,7 @@ impl Lanes for Avx512 {
             let products = [_mm512_fmadd_ps(a, whole, taken), _mm512_fmadd_ps(b, whole, taken)];
             let large = [_mm512_castsi512_ps(large[0]), _mm512_castsi512_ps(large[1])];
             let large = self.sub_float(large, self.float(ADDED));
-            // 0/0 is NaN, which converts to the least long and narrows to 0.
+            // 0/0 is NaN. It converts to the minimum long, which narrows to 0.
             self.narrow(self.longs(self.add_float(self.over(products, large), self.float(0.5))))
         }
     }
@@ -292,7 +292,7 @@ impl Lanes for Avx512 {
     fn numbers(self, table: &[i32], places: Pair<__m512i>) -> Pair<__m512i> {
         let last = self.long(table.len() as i32 - 1);
         let [a, b] = both!(_mm512_min_epu32, places, last);
-        // Indices are at most the last one.
+        // Limits the indices to the last entry.
         unsafe {
             [
                 _mm512_i32gather_epi32::<4>(a, table.as_ptr().cast()),
@@ -305,7 +305,7 @@ impl Lanes for Avx512 {
         assert!(table.len() >= 2);
         let last = self.long(table.len() as i32 - 2);
         let [a, b] = both!(_mm512_min_epu32, places, last);
-        // Indices are at most that of the last pair.
+        // Limits the indices to the last pair.
         unsafe {
             let a = _mm512_i32gather_epi32::<2>(a, table.as_ptr().cast());
             let b = _mm512_i32gather_epi32::<2>(b, table.as_ptr().cast());
@@ -347,13 +347,13 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn share(self, small: Pair<__m512>, large: Pair<__m512>) -> __m512i {
-        // 0/0 is NaN, which converts to the least long and narrows to 0.
+        // 0/0 is NaN. It converts to the minimum long, which narrows to 0.
         let share = self.over(self.times_float(small, self.float(32767.0)), large);
         self.narrow(self.longs(self.add_float(share, self.float(0.5))))
     }
     #[inline(always)]
     fn is_greater_float(self, a: Pair<__m512>, b: Pair<__m512>) -> __mmask32 {
-        // The sign of the difference; it is not zero where they differ.
+        // The sign of the difference; the difference is not zero if the operands differ.
         signs(both!(_mm512_castps_si512, both!(_mm512_sub_ps, b, a)))
     }
 
@@ -411,8 +411,8 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     fn look_up_real(self, table: &[f32], places: Pair<__m512>) -> Pair<__m512> {
-        assert!(!table.is_empty(), "a table to look up in");
-        // Nothing beyond the table may be read.
+        assert!(!table.is_empty(), "the table must not be empty");
+        // Memory beyond the table must not be read.
         let last = unsafe { [_mm512_set1_epi32(table.len() as i32 - 1); 2] };
         let [a, b] = both!(_mm512_min_epu32, both!(_mm512_cvttps_epi32, places), last);
         unsafe {

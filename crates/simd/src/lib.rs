@@ -6,8 +6,9 @@
 //!                    └─► Avx512    Kernel::run(Avx512)
 //! ```
 //!
-//! All levels compute the same bits: operations are on whole numbers, or single additions, multiplications and divisions of
-//! IEEE 754, never contracted. [`Level::Portable`] is the reference; tests compare every kernel at the other levels with it.
+//! All levels compute the same bits: the operations are on integers, or single additions, multiplications and divisions
+//! of IEEE 754, never contracted. [`Level::Portable`] is the reference; tests compare every kernel at the other levels
+//! with it.
 //!
 //! ```
 //! use fringeflow_simd::{Kernel, LANES, Lanes, Level, run};
@@ -55,11 +56,11 @@ pub const LANES: usize = 32;
 /// Entries of a table, see [`Lanes::table`].
 pub const COLUMNS: usize = 2 * LANES;
 
-/// Weights of four images for [`Lanes::weigh`].
+/// Weights of four images, for [`Lanes::weigh`].
 #[derive(Clone, Copy, Default)]
 pub struct FourWeights {
     words: [i16; 4],
-    /// The weight is 256·high + low; each holds the bytes of four images.
+    /// A weight is 256·high + low. Each field holds one byte of the weight of each of the four images.
     high: i32,
     low: i32,
 }
@@ -73,7 +74,7 @@ impl FourWeights {
     }
 }
 
-/// The first `COUNT` values; where there are fewer, the rest is `other`.
+/// Returns the first `COUNT` values. If there are fewer, the rest is `other`.
 #[inline(always)]
 pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT] {
     match values.first_chunk() {
@@ -86,13 +87,13 @@ pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT]
     }
 }
 
-/// The mask bits of the first `count` lanes; all bits where `count` exceeds [`LANES`].
+/// Returns the mask bits of the first `count` lanes; all bits if `count` is greater than [`LANES`].
 #[inline(always)]
 pub fn first_lanes(count: usize) -> u32 {
     if count >= LANES { u32::MAX } else { (1 << count) - 1 }
 }
 
-/// Instruction sets that kernels are compiled for, the lowest first.
+/// Instruction sets for which kernels are compiled, the lowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// The baseline of the architecture.
@@ -103,7 +104,7 @@ pub enum Level {
     Avx512,
 }
 
-/// Highest level in use, as index into [`Level::ALL`]; kernels never exceed the machine's level.
+/// Highest permitted level, as index into [`Level::ALL`]. Kernels never use more than the processor supports.
 static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
 
 impl Level {
@@ -120,20 +121,21 @@ impl Level {
         }
     }
 
-    /// Whether this machine has the level.
+    /// Whether the processor has the level.
     #[must_use]
     pub fn is_available(self) -> bool {
         self <= Self::highest()
     }
 
-    /// The highest level of this machine within the limit.
+    /// Returns the level in use: the highest level of the processor within the limit.
     #[must_use]
     pub fn in_use() -> Self {
         let limit = usize::from(LIMIT.load(Ordering::Relaxed)).min(Self::ALL.len() - 1);
         Self::ALL[limit].min(Self::highest())
     }
 
-    /// The highest level of this machine. It is determined once: short kernels run a million times per second.
+    /// Returns the highest level of the processor. It is determined once, because short kernels run a million times per
+    /// second.
     fn highest() -> Self {
         static HIGHEST: OnceLock<Level> = OnceLock::new();
         *HIGHEST.get_or_init(|| {
@@ -147,7 +149,7 @@ impl Level {
         })
     }
 
-    /// Limits the level of all kernels of the process from now on. Results are the same, slower.
+    /// Limits the level of all kernels of the process from now on. The results stay the same, but take longer.
     pub fn limit_to(self) {
         LIMIT.store(self as u8, Ordering::Relaxed);
     }
@@ -170,19 +172,19 @@ fn has_avx512() -> bool {
         && is_x86_feature_detected!("avx512vnni")
 }
 
-/// Work that is compiled for every level. `run` and all functions it calls with lanes must be `#[inline(always)]`: only
-/// then are they compiled for the level.
+/// Code that is compiled for every level. `run` and all functions that it calls with lanes must be `#[inline(always)]`;
+/// only then are they compiled for the level.
 pub trait Kernel {
     /// The result.
     type Output;
 
-    /// Runs the work with the vectors of a level.
+    /// Runs the code with the vectors of a level.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// Runs a kernel at a level, or at the machine's level where that is lower.
+/// Runs a kernel at a level, or at the level of the processor if that is lower.
 #[inline]
-#[allow(unsafe_code, reason = "calls code of a level after checking that the machine has it")]
+#[allow(unsafe_code, reason = "calls code of a level after checking that the processor has it")]
 pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
@@ -199,11 +201,11 @@ pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
         if level >= Level::Avx512
             && let Some(lanes) = Avx512::new()
         {
-            // SAFETY: the lanes exist only where the machine has these instructions.
+            // SAFETY: the lanes exist only if the processor has these instructions.
             return unsafe { avx512(kernel, lanes) };
         }
         if level >= Level::Avx2 && Level::Avx2.is_available() {
-            // SAFETY: the machine was checked for these instructions.
+            // SAFETY: the processor was checked for these instructions.
             return unsafe { avx2(kernel) };
         }
     }
@@ -212,9 +214,9 @@ pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
 
 /// Vectors of [`LANES`] numbers, one per pixel, and their operations.
 ///
-/// *Words* are 16-bit whole numbers, signed or unsigned as the operation says. *Longs* are 32-bit signed numbers,
-/// *floats* are `f32`. The lanes of longs and floats are in an order of the level: they are made from words and become
-/// words again. *Reals* are `f32` in the order of memory, for planes of them.
+/// *Words* are 16-bit integers, signed or unsigned as stated for the operation. *Longs* are 32-bit signed integers,
+/// *floats* are `f32`. The order of the lanes of longs and floats depends on the level: they are created from words and
+/// converted back to words. *Reals* are `f32` in the order of memory, for planes of them.
 pub trait Lanes: Copy {
     /// 16 bits per lane.
     type Words: Copy;
@@ -232,7 +234,8 @@ pub trait Lanes: Copy {
     type Bytes: Copy;
     /// The bytes of four images per lane.
     type Fours: Copy;
-    /// Whether two blocks at once are faster than one after the other: the machine has registers for both.
+    /// Whether it is faster to process two blocks at once than one after the other, because there are enough registers
+    /// for both.
     const TWO_AT_ONCE: bool;
     /// A table of [`COLUMNS`] words.
     type Table<'a>: Copy;
@@ -267,7 +270,7 @@ pub trait Lanes: Copy {
     fn times_high(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a/2 of unsigned words, rounded up.
     fn half_up(self, a: Self::Words) -> Self::Words;
-    /// small/large as rounded fractions of 2^15 − 1; 0 where both are 0. Words are 0 to 255, `small` is at most
+    /// small/large as rounded fractions of 2^15 − 1; 0 if both are 0. Words are 0 to 255, and `small` is at most
     /// `large`.
     fn share_of_bytes(self, small: Self::Words, large: Self::Words) -> Self::Words;
     /// a·2^BITS.
@@ -280,7 +283,7 @@ pub trait Lanes: Copy {
     fn is_greater(self, a: Self::Words, b: Self::Words) -> Self::Mask;
     /// a ≥ b, unsigned.
     fn is_at_least(self, a: Self::Words, b: Self::Words) -> Self::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// `yes` if the mask is set, otherwise `no`.
     fn select(self, mask: Self::Mask, yes: Self::Words, no: Self::Words) -> Self::Words;
     /// a ∧ b.
     fn and(self, a: Self::Mask, b: Self::Mask) -> Self::Mask;
@@ -296,12 +299,12 @@ pub trait Lanes: Copy {
     fn table(self, words: &[u16; COLUMNS]) -> Self::Table<'_>;
     /// The words of a table at some indices; lanes with an index of [`COLUMNS`] or more are unspecified.
     fn look_up(self, table: Self::Table<'_>, places: Self::Words) -> Self::Words;
-    /// The words of a table at some indices, and the words after them. Indices must not be negative; beyond the last
-    /// pair they yield the last pair.
+    /// The words of a table at some indices, and the words after them. Indices must not be negative; an index beyond
+    /// the last pair yields the last pair.
     fn pairs(self, table: &[u16], places: Self::Longs) -> [Self::Words; 2];
-    /// Lane k is set where bit k is.
+    /// Lane k is set if bit k is set.
     fn mask(self, bits: u32) -> Self::Mask;
-    /// Bit k is set where lane k is.
+    /// Bit k is set if lane k is set.
     fn bits(self, mask: Self::Mask) -> u32;
     /// Stores words.
     fn store(self, a: Self::Words, to: &mut [u16; LANES]);
@@ -347,9 +350,9 @@ pub trait Lanes: Copy {
     fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
     /// a = b.
     fn is_same(self, a: Self::Longs, b: Self::Longs) -> Self::Truths;
-    /// `yes` where it is set, else `no`.
+    /// `yes` if the mask is set, otherwise `no`.
     fn select_long(self, truths: Self::Truths, yes: Self::Longs, no: Self::Longs) -> Self::Longs;
-    /// The entries of a table at some indices. Indices must not be negative; beyond the table they yield the last
+    /// The entries of a table at some indices. Indices must not be negative; an index beyond the table yields the last
     /// entry.
     fn numbers(self, table: &[i32], places: Self::Longs) -> Self::Longs;
     /// Stores longs.
@@ -377,7 +380,7 @@ pub trait Lanes: Copy {
     fn min_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// max(|a|, |b|), neither NaN.
     fn max_amount(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// small/large as rounded fractions of 2^15 − 1; 0 where both are 0. Both are whole numbers, not negative, `small`
+    /// small/large as rounded fractions of 2^15 − 1; 0 if both are 0. Both are integers, not negative, and `small` is
     /// at most `large`.
     fn share(self, small: Self::Floats, large: Self::Floats) -> Self::Words;
     /// a > b of finite floats.
@@ -409,19 +412,19 @@ pub trait Lanes: Copy {
     fn over_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
     /// √a.
     fn root_real(self, a: Self::Reals) -> Self::Reals;
-    /// a where a > b, else b: b where either is NaN.
+    /// a if a > b, otherwise b; b if either is NaN.
     fn max_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
-    /// a where a < b, else b: b where either is NaN.
+    /// a if a < b, otherwise b; b if either is NaN.
     fn min_real(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
-    /// a > b; false where either is NaN.
+    /// a > b; false if either is NaN.
     fn is_greater_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
-    /// a ≥ b; false where either is NaN.
+    /// a ≥ b; false if either is NaN.
     fn is_at_least_real(self, a: Self::Reals, b: Self::Reals) -> Self::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// `yes` if the mask is set, otherwise `no`.
     fn select_real(self, mask: Self::Mask, yes: Self::Reals, no: Self::Reals) -> Self::Reals;
     /// Reals rounded towards zero; they must be in the range of longs.
     fn truncate(self, a: Self::Reals) -> Self::Reals;
-    /// The entries of a table at indices given as reals: whole numbers below its length.
+    /// The entries of a table at indices given as reals: integers less than its length.
     fn look_up_real(self, table: &[f32], places: Self::Reals) -> Self::Reals;
     /// Stores the low words of reals rounded towards zero; they must be in the range of longs.
     fn store_real_words(self, a: Self::Reals, to: &mut [u16; LANES]);
@@ -438,7 +441,7 @@ pub trait Lanes: Copy {
     fn exceeds(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
     /// a ≥ b.
     fn reaches(self, a: Self::Floats, b: Self::Floats) -> Self::Truths;
-    /// `yes` where it is set, else `no`.
+    /// `yes` if the mask is set, otherwise `no`.
     fn select_float(self, truths: Self::Truths, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
     /// a ∧ b.
     fn both(self, a: Self::Truths, b: Self::Truths) -> Self::Truths;
@@ -451,7 +454,7 @@ pub trait Lanes: Copy {
     fn prefetch<T>(self, soon: &[T]);
     /// Words below 256 as bytes, the first one lowest.
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
-    /// The smallest of unsigned words, in all places.
+    /// The smallest of unsigned words, in all elements.
     fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }
 

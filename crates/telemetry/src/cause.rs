@@ -1,10 +1,10 @@
-//! Why a window took long, as a sentence for people.
+//! Explains why a window took long, as a sentence for people.
 
 use std::fmt;
 
 use super::Segment;
 
-/// The segment whose duration exceeds its median over the run by most.
+/// The segment that exceeds its median duration over the run by most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cause {
     /// The segment.
@@ -27,11 +27,11 @@ impl fmt::Display for Cause {
             Segment::CloudQueue => write!(f, "waited {ms} for the cloud stage")?,
             Segment::Cloud => write!(f, "cloud took {ms}")?,
         }
-        write!(f, ", in the median {}", Milliseconds(self.median_ms))
+        write!(f, " (median {})", Milliseconds(self.median_ms))
     }
 }
 
-/// A duration with as many digits as matter.
+/// A duration, rounded to a readable number of digits.
 struct Milliseconds(f64);
 
 impl fmt::Display for Milliseconds {
@@ -48,10 +48,10 @@ mod tests {
     #[test]
     fn a_cause_is_a_sentence() {
         let cause = |segment, ms, median_ms| Cause { segment, ms, median_ms }.to_string();
-        assert_eq!(cause(Segment::Correspondence, 412.3, 180.0), "correspondence took 412 ms, in the median 180 ms");
+        assert_eq!(cause(Segment::Correspondence, 412.3, 180.0), "correspondence took 412 ms (median 180 ms)");
         assert_eq!(
             cause(Segment::CorrespondenceQueue, 90.04, 0.26),
-            "waited 90.0 ms for the correspondence stage, in the median 0.3 ms"
+            "waited 90.0 ms for the correspondence stage (median 0.3 ms)"
         );
     }
 }

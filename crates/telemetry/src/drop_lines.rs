@@ -1,10 +1,10 @@
-//! What was dropped, where and why, sorted by how much it matters.
+//! Lists the dropped items by stage and reason, the most important first.
 
 use serde::Serialize;
 
 use fringeflow_message::{Counts, Stage};
 
-/// What a stage dropped for one reason, or one kind of incident in it.
+/// Items that a stage dropped for one reason, or incidents of one kind in a stage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DropLine {
     /// How much it matters.
@@ -23,16 +23,17 @@ pub struct DropLine {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DropKind {
-    /// Something is missing that should be there.
+    /// Data is missing that should be there.
     Loss,
-    /// Left out on purpose, or there was nothing to measure.
+    /// The item was skipped on purpose, or there was nothing to measure.
     Decision,
-    /// An incident that need not have cost an item.
+    /// An incident that did not necessarily cost an item.
     Incident,
 }
 
 impl DropLine {
-    /// Lines of some stages: losses first, then decisions, then incidents; the most frequent first in each group.
+    /// Returns the lines of some stages: losses first, then decisions, then incidents; in each group the most frequent
+    /// first.
     #[must_use]
     pub fn from_counts(counts: &[(Stage, Counts)]) -> Vec<Self> {
         let mut lines: Vec<Self> =

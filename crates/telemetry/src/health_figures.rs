@@ -1,4 +1,4 @@
-//! The health of the scanner for people and programs, as of one window and over a run.
+//! Health of the scanner for people and programs, at one window and over a run.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use fringeflow_message::{GaugeReport, WindowReport};
 
 use crate::health::{HealthState, Quantity};
 
-/// The health as of a window.
+/// Health at one window.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct HealthFigures {
     /// The worst state of all quantities.
@@ -31,13 +31,13 @@ pub struct GaugeFigures {
     /// Its state.
     #[serde(serialize_with = "by_name")]
     pub state: HealthState,
-    /// Its level; `None` while too few windows had a value.
+    /// Its level; `None` while too few windows have had a value.
     pub level: Option<f64>,
-    /// Limit above which it is a warning.
+    /// Above this limit the state is a warning.
     pub warn: f64,
-    /// Limit above which it is bad.
+    /// Above this limit the state is bad.
     pub bad: f64,
-    /// Time at which it came to its state; 0 while that is not known.
+    /// Time when the present state began; 0 while the state is unknown.
     pub since_ns: u64,
 }
 
@@ -49,14 +49,14 @@ pub struct HealthRecord {
     /// The worst state of all quantities in any window.
     #[serde(serialize_with = "by_name")]
     worst: HealthState,
-    /// All quantities, each in the window in which it was worst.
+    /// All quantities, each at the window at which it was worst.
     quantities: Vec<GaugeRecord>,
 }
 
 /// A quantity over a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 struct GaugeRecord {
-    /// Its figures in the worst window: the highest level of its worst state.
+    /// Its figures at its worst window: the highest level in its worst state.
     #[serde(flatten)]
     at_worst: GaugeFigures,
     /// Windows in which its state was a warning.
@@ -66,11 +66,11 @@ struct GaugeRecord {
 }
 
 impl HealthFigures {
-    /// The health of a window report; `None` for a report of an older recording.
+    /// Returns the health in a window report, or `None` if the report comes from an older recording.
     #[must_use]
     pub fn from_report(report: &WindowReport) -> Option<Self> {
         let gauges = Quantity::ALL.into_iter().zip(&report.health.gauges);
-        // Limits of 0 mark a gauge that the recording did not know.
+        // Limits of 0 mark a gauge that the recording does not have.
         let quantities: Vec<_> = gauges
             .map(|(quantity, gauge)| GaugeFigures::new(quantity, gauge))
             .filter(|gauge| gauge.bad > 0.0)
@@ -79,13 +79,13 @@ impl HealthFigures {
         Some(Self { state, quantities })
     }
 
-    /// The figures of a quantity; `None` where the report has none.
+    /// Returns the figures of a quantity, or `None` if the report has none.
     #[must_use]
     pub fn quantity(&self, quantity: Quantity) -> Option<&GaugeFigures> {
         self.quantities.iter().find(|gauge| gauge.quantity == quantity)
     }
 
-    /// The quantities above their limits, the worst first.
+    /// Returns the quantities above their limits, the worst first.
     #[must_use]
     pub fn beyond_limits(&self) -> Vec<&GaugeFigures> {
         let mut beyond: Vec<_> = self.quantities.iter().filter(|gauge| gauge.state >= HealthState::Warn).collect();
@@ -108,19 +108,19 @@ impl GaugeFigures {
         }
     }
 
-    /// Time in its state, seconds; `None` while the state is not known.
+    /// Time since the present state began, seconds; `None` while the state is unknown.
     #[must_use]
     pub fn seconds_in_state(&self, now_ns: u64) -> Option<f64> {
         (self.since_ns > 0).then(|| now_ns.saturating_sub(self.since_ns) as f64 * 1e-9)
     }
 
-    /// Whether a change of state deserves a log line: one from or to a state above the limits.
+    /// Whether a change of state should be logged: a change from or to a state above the limits.
     #[must_use]
     pub fn is_noteworthy_change(before: HealthState, now: HealthState) -> bool {
         before != now && before.max(now) >= HealthState::Warn
     }
 
-    /// Level or limit with its unit; shares in percent.
+    /// Formats a level or limit with its unit; shares in percent.
     #[must_use]
     pub fn with_unit(&self, value: f64) -> String {
         match self.unit {
@@ -129,7 +129,7 @@ impl GaugeFigures {
         }
     }
 
-    /// The level with its unit, or "not known".
+    /// Formats the level with its unit, or returns "not known".
     #[must_use]
     pub fn level_text(&self) -> String {
         self.level.map_or_else(|| HealthState::NotKnown.name().to_owned(), |level| self.with_unit(level))
@@ -137,7 +137,7 @@ impl GaugeFigures {
 }
 
 impl fmt::Display for GaugeFigures {
-    /// For people: the state, and the remedy.
+    /// Writes the state and the remedy, for people.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (title, level, key) = (self.title, self.level_text(), self.quantity.key());
         let remedy = self.quantity.remedy();
@@ -169,7 +169,7 @@ impl HealthRecord {
         }
     }
 
-    /// The worst state of all quantities in any window; `None` without a health report.
+    /// The worst state of all quantities in any window; `None` if there was no health report.
     #[must_use]
     pub fn worst(&self) -> Option<HealthState> {
         (self.windows > 0).then_some(self.worst)
@@ -181,7 +181,7 @@ impl HealthRecord {
         self.windows == 0
     }
 
-    /// The quantities that were above their limits, the worst first.
+    /// Returns the quantities that were above their limits, the worst first.
     fn beyond_limits(&self) -> Vec<&GaugeRecord> {
         let mut beyond: Vec<_> =
             self.quantities.iter().filter(|record| record.at_worst.state >= HealthState::Warn).collect();
@@ -202,9 +202,9 @@ impl GaugeRecord {
 }
 
 impl fmt::Display for HealthRecord {
-    /// For people: the worst state, and a line for each quantity that exceeded its limits.
+    /// Writes the worst state, and a line for each quantity that exceeded its limits, for people.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(worst) = self.worst() else { return write!(f, "health: not told") };
+        let Some(worst) = self.worst() else { return write!(f, "health: no reports") };
         write!(f, "health: {} at worst, over {} windows", worst.name(), self.windows)?;
         for GaugeRecord { at_worst, windows_warn, windows_bad } in self.beyond_limits() {
             write!(f, "\n  {at_worst} [{windows_warn} windows warn, {windows_bad} bad]")?;
@@ -257,7 +257,7 @@ mod tests {
     #[test]
     fn a_run_is_judged_by_its_worst_window() {
         let mut record = HealthRecord::default();
-        assert_eq!((record.worst(), record.to_string().as_str()), (None, "health: not told"));
+        assert_eq!((record.worst(), record.to_string().as_str()), (None, "health: no reports"));
         for (level, state) in [
             (0.0, HealthState::NotKnown),
             (0.09, HealthState::Ok),

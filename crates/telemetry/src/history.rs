@@ -1,16 +1,16 @@
-//! The timeline of a run of any length, in bounded memory.
+//! Timeline of a run of any length, in bounded memory.
 
 use fringeflow_message::{StageReport, WindowReport};
 
 use super::{Interval, Journey, Sample};
 
-/// Most intervals kept: about 15 MB, with all stages active in each.
+/// Maximum number of intervals: about 15 MB, with all stages active in each.
 const MAX_INTERVALS: usize = 600;
-/// Length of an interval until there are too many, nanoseconds.
-const FIRST_SPAN_NS: u64 = 1_000_000_000;
+/// Initial length of an interval, nanoseconds.
+const INITIAL_SPAN_NS: u64 = 1_000_000_000;
 
-/// Intervals of equal length without gaps. When there are too many, two neighbours each become one of twice the length:
-/// an hour has intervals of eight seconds, a day intervals of four minutes.
+/// Adjacent intervals of equal length. When there are too many, every two neighbours become one interval of twice the
+/// length. So a run of an hour has intervals of eight seconds, a run of a day intervals of four minutes.
 #[derive(Clone, Debug)]
 pub struct History {
     span_ns: u64,
@@ -20,13 +20,13 @@ pub struct History {
 
 impl Default for History {
     fn default() -> Self {
-        Self { span_ns: FIRST_SPAN_NS, intervals: Vec::new(), last_ns: 0 }
+        Self { span_ns: INITIAL_SPAN_NS, intervals: Vec::new(), last_ns: 0 }
     }
 }
 
 impl History {
-    /// Adds a report, and the journey that it completed. It counts in the interval of its time; a late one counts in
-    /// the last interval.
+    /// Adds a report, and the journey that it completed. The report counts in the interval of its time; a late report
+    /// counts in the last interval.
     pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
         self.extend_to(report.time_ns);
         if let Some(interval) = self.intervals.last_mut() {
@@ -34,7 +34,7 @@ impl History {
         }
     }
 
-    /// Adds the figures of a window; they carry no time and count in the last interval.
+    /// Adds the figures of a window. They have no time, so they count in the last interval.
     pub fn add_window(&mut self, report: &WindowReport) {
         if let Some(interval) = self.intervals.last_mut() {
             interval.add_window(report);
@@ -47,7 +47,7 @@ impl History {
         self.span_ns
     }
 
-    /// Times of the first and of the last report, if there was one.
+    /// Times of the first and the last report; `None` before the first report.
     #[must_use]
     pub fn bounds_ns(&self) -> Option<[u64; 2]> {
         Some([self.intervals.first()?.begin_ns(), self.last_ns])
@@ -60,7 +60,7 @@ impl History {
         let mut rest = &self.intervals[..];
         while let [interval, next @ ..] = rest {
             let end_ns = next.first().map_or(self.last_ns, Interval::begin_ns);
-            // A rate over the short end of a run would be arbitrary: the last two intervals become one point.
+            // A rate over a short last interval would be arbitrary, so the last two intervals become one point.
             if let [last] = next
                 && self.last_ns.saturating_sub(last.begin_ns()) < self.span_ns / 2
             {
@@ -75,7 +75,7 @@ impl History {
         samples
     }
 
-    /// Adds intervals until the last one holds a time; a time before it changes nothing.
+    /// Adds intervals until the last one contains `time_ns`. Does nothing if the time is earlier.
     fn extend_to(&mut self, time_ns: u64) {
         let begin_ns = self.intervals.first().map_or(time_ns, Interval::begin_ns);
         self.last_ns = self.last_ns.max(time_ns);
@@ -114,7 +114,7 @@ mod tests {
         StageReport { stage, of_item: 1, time_ns, taken_ns, passed_ns: time_ns, counts, ..StageReport::default() }
     }
 
-    /// Ten clouds a second from a time on.
+    /// A history with ten clouds a second.
     fn history(seconds: u64) -> History {
         let mut history = History::default();
         for n in 0..10 * seconds {
@@ -124,12 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_those_of_the_spans_however_long_these_became() {
+    fn rates_do_not_depend_on_the_length_of_the_intervals() {
         for (seconds, spans, span_s) in [(20, 20, 1), (600, 600, 1), (601, 301, 2), (5000, 313, 16)] {
             let history = history(seconds);
             assert_eq!((history.intervals.len(), history.span_ns()), (spans, span_s * SECOND_NS));
             let samples = history.samples(|ns| ns as f64 * 1e-6);
-            // The first report of a stage counts nothing, and the last span is as long as the reports reach.
+            // The first report of a stage adds nothing to the rate, and the last interval ends with the last report.
             for sample in &samples[1..samples.len() - 1] {
                 assert_eq!(sample.rates["cloud"], 10.0);
                 assert!((sample.stages["cloud"].unwrap()[0] - 7.0).abs() < 0.5);
@@ -145,7 +145,7 @@ mod tests {
         let mut history = history(3);
         history.add(&report(31, 90_000 * SECOND_NS), None);
         assert!(history.intervals.len() <= MAX_INTERVALS);
-        // Late: counted in the last interval.
+        // A late report counts in the last interval.
         history.add(&report(32, 0), None);
         history.add(&report(33, u64::MAX), None);
         history.add(&report(34, u64::MAX), None);
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_short_end_of_a_run_belongs_to_the_span_before() {
+    fn a_short_last_interval_is_merged_with_the_one_before() {
         let mut history = history(2);
         history.add(&report(21, 7 * SECOND_NS + 1), None);
         let samples = history.samples(|_| 0.0);
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_count_in_the_present_span() {
+    fn windows_count_in_the_last_interval() {
         let mut history = History::default();
         history.add_window(&WindowReport::default());
         history.add(&report(1, 0), None);

@@ -1,4 +1,4 @@
-//! One interval of a run: one point of a timeline.
+//! An interval of a run, which becomes one point of a timeline.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub struct Interval {
 /// One stage in an interval.
 #[derive(Clone, Debug)]
 struct StageSpan {
-    /// Items put out before the interval.
+    /// Items passed before the interval.
     passed_before: u64,
     counts: Counts,
     latencies: Latencies,
@@ -36,11 +36,11 @@ pub struct Sample {
     pub wall_ms: f64,
     /// Median, 90th and 99th percentile from exposure to cloud, milliseconds.
     pub total: Option<[f64; 3]>,
-    /// The same percentiles from taking an item to putting it out, by stage.
+    /// The same percentiles from receiving an item to passing it on, by stage.
     pub stages: BTreeMap<&'static str, Option<[f64; 3]>>,
     /// Mean of each [`Segment`] over the windows, milliseconds.
     pub segments: Option<[f64; Segment::ALL.len()]>,
-    /// Items put out per second, by stage.
+    /// Items passed per second, by stage.
     pub rates: BTreeMap<&'static str, f64>,
     /// Items lost since the start of the instance, by stage.
     pub dropped: BTreeMap<&'static str, u64>,
@@ -50,7 +50,7 @@ pub struct Sample {
     pub window: Option<WindowSample>,
 }
 
-/// The figures of a window in a timeline; shares in percent.
+/// Figures of a window in a timeline; shares in percent.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowSample {
     /// Standard deviation of δ.
@@ -59,15 +59,15 @@ pub struct WindowSample {
     pub n: f64,
     /// Expected false candidates.
     pub efc: f64,
-    /// Drift of the calibration, root mean square; `None` where the resolution measures none.
+    /// Drift of the calibration, root mean square; `None` if the resolution does not measure it.
     pub drift_rms_rad: Option<f64>,
     /// Standard deviation of δ about the drift.
     pub residual_sd_rad: Option<f64>,
     /// Pixels with one candidate.
     pub unique: f64,
-    /// Not decided.
+    /// Pixels whose candidates could not be decided.
     pub undecided: f64,
-    /// Rejected.
+    /// Pixels whose candidates were all rejected.
     pub rejected: f64,
     /// Median of δ.
     pub delta_median_rad: f64,
@@ -77,12 +77,12 @@ pub struct WindowSample {
     pub points: u64,
     /// Phase motion from image to image that 5 % of the pixels exceed, of both cameras.
     pub fast_motion_rad: [Option<f32>; 2],
-    /// Worst state of the scanner's health.
+    /// Worst state of all health quantities.
     pub health: Option<&'static str>,
 }
 
 impl Interval {
-    /// An interval that begins at a time; the counts of the stages continue those of the interval `before`.
+    /// Creates an interval that begins at `begin_ns`. The counts of the stages continue those of the interval `before`.
     #[must_use]
     pub fn new(begin_ns: u64, before: Option<&Self>) -> Self {
         let stages = before.map(|before| before.stages.iter().map(|(&stage, span)| (stage, span.next())).collect());
@@ -119,7 +119,7 @@ impl Interval {
         self.window = Some(*report);
     }
 
-    /// Merges the interval that follows directly and that was made with this one as `before`.
+    /// Merges the following interval, which was created with this one as `before`.
     pub fn merge(&mut self, next: &Self) {
         self.total.merge(&next.total);
         for (&stage, span) in &next.stages {
@@ -132,7 +132,7 @@ impl Interval {
         self.window = next.window.or(self.window);
     }
 
-    /// The point of the timeline for an interval that ends at this time.
+    /// Returns the point of the timeline for an interval that ends at `end_ns`.
     #[must_use]
     pub fn sample(&self, end_ns: u64, wall_ms: f64) -> Sample {
         let span_s = (end_ns.saturating_sub(self.begin_ns) as f64 * 1e-9).max(1e-3);
@@ -158,7 +158,7 @@ impl StageSpan {
         Self { passed_before, counts: Counts::default(), latencies: Latencies::coarse() }
     }
 
-    /// The following interval of the stage, still empty.
+    /// Returns the next interval of the stage, still empty.
     fn next(&self) -> Self {
         Self { passed_before: self.counts.passed, counts: self.counts, latencies: Latencies::coarse() }
     }
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn merged_intervals_equal_those_recorded_together() {
+    fn merged_intervals_equal_one_interval_with_all_reports() {
         let (mut first, mut both) = (Interval::new(0, None), Interval::new(0, None));
         let journey = |ns: u64| Journey { exposure_start_ns: 0, ends_ns: [ns; 7] };
         let window = |published| WindowReport { published, ..WindowReport::default() };

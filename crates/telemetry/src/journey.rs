@@ -1,19 +1,19 @@
-//! Where the time of a window went, from its last exposure to its cloud.
+//! Measures how the time of a window divides among the stages, from its last exposure to its cloud.
 
 use std::collections::BTreeMap;
 
 use fringeflow_message::{Stage, StageReport};
 
-/// Most windows in progress at once; older ones were dropped.
-const MAX_UNDER_WAY: usize = 64;
+/// Maximum number of windows in progress. Older ones were dropped by a stage.
+const MAX_IN_PROGRESS: usize = 64;
 
-/// A part of the time from exposure to cloud; together they are the whole.
+/// A part of the time from exposure to cloud. The segments add up to the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(usize)]
 pub enum Segment {
-    /// From the start of the last exposure until its images reached the machine.
+    /// From the start of the last exposure until its images reached the computer.
     Camera = 0,
-    /// Until the window was complete: waiting for the other camera or the pattern event.
+    /// Waiting for the other camera or the pattern event, until the window was complete.
     Pairing = 1,
     /// Decoding, including the wait for the next stage to be free.
     Phase = 2,
@@ -27,12 +27,12 @@ pub enum Segment {
     Cloud = 6,
 }
 
-/// The times of one window.
+/// The times at which a window passed the stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Journey {
     /// Start of the last exposure.
     pub exposure_start_ns: u64,
-    /// End of each segment, indexed by [`Segment`]; a segment begins where the one before ended.
+    /// End of each segment, indexed by [`Segment`]. Each segment begins where the one before it ended.
     pub ends_ns: [u64; Segment::ALL.len()],
 }
 
@@ -64,7 +64,7 @@ impl Segment {
 }
 
 impl Journey {
-    /// A journey from reports of the three working stages on the same window.
+    /// Creates a journey from the reports of the three processing stages on the same window.
     fn new(phase: &StageReport, correspondence: &StageReport, cloud: &StageReport) -> Self {
         let ends_ns = [
             phase.received_ns,
@@ -75,8 +75,8 @@ impl Journey {
             cloud.taken_ns,
             cloud.passed_ns,
         ];
-        // The next stage may take an item before its predecessor has noted it as put out. Clamped, no segment has a
-        // negative duration.
+        // The next stage may receive an item before its predecessor has noted the time of passing it on. Clamping keeps
+        // each duration from being negative.
         let mut latest_ns = cloud.exposure_start_ns;
         let ends_ns = ends_ns.map(|end_ns| {
             latest_ns = latest_ns.max(end_ns).min(cloud.passed_ns.max(latest_ns));
@@ -85,7 +85,7 @@ impl Journey {
         Self { exposure_start_ns: cloud.exposure_start_ns, ends_ns }
     }
 
-    /// The segments with begin and end, nanoseconds.
+    /// Iterates over the segments with begin and end, nanoseconds.
     pub fn segments(&self) -> impl Iterator<Item = (Segment, u64, u64)> + '_ {
         let begins = std::iter::once(self.exposure_start_ns).chain(self.ends_ns);
         Segment::ALL.into_iter().zip(begins).zip(self.ends_ns).map(|((segment, begin), end)| (segment, begin, end))
@@ -97,14 +97,14 @@ impl Journey {
         self.segments().find(|(s, ..)| *s == segment).map_or(0, |(_, begin, end)| end - begin)
     }
 
-    /// The journey from the moment at which its window was complete; the time before is dropped.
+    /// Returns the journey without the time before its window was complete.
     #[must_use]
     pub fn since_window_complete(&self) -> Self {
         let complete_ns = self.ends_ns[Segment::Pairing as usize];
         Self { exposure_start_ns: complete_ns, ends_ns: self.ends_ns.map(|end_ns| end_ns.max(complete_ns)) }
     }
 
-    /// From exposure to cloud, nanoseconds.
+    /// Duration from exposure to cloud, nanoseconds.
     #[must_use]
     pub fn total_ns(&self) -> u64 {
         self.ends_ns[Segment::Cloud as usize] - self.exposure_start_ns
@@ -114,13 +114,13 @@ impl Journey {
 /// Matches reports on the same window.
 #[derive(Debug, Default)]
 pub(super) struct Journeys {
-    /// Reports of the phase, the correspondence and the cloud stage, by start of exposure.
-    under_way: BTreeMap<u64, [Option<StageReport>; 3]>,
+    /// Reports of the phase, correspondence and cloud stages, by start of exposure.
+    in_progress: BTreeMap<u64, [Option<StageReport>; 3]>,
 }
 
 impl Journeys {
-    /// Adds a report, and returns the journey of a window whose last report it is. That need not be the report of the
-    /// cloud stage: a stage puts out first and reports afterwards, and the next stage may be faster.
+    /// Adds a report, and returns the journey of a window whose last report it is. The last report need not be that of
+    /// the cloud stage: a stage passes an item on before it reports, and the next stage may report first.
     pub(super) fn add(&mut self, report: &StageReport) -> Option<Journey> {
         let index = match Stage::from_code(report.stage).filter(|_| report.of_item != 0)? {
             Stage::Phase => 0,
@@ -128,15 +128,15 @@ impl Journeys {
             Stage::Cloud => 2,
             _ => return None,
         };
-        let reports = self.under_way.entry(report.exposure_start_ns).or_default();
+        let reports = self.in_progress.entry(report.exposure_start_ns).or_default();
         reports[index] = Some(*report);
         if let [Some(phase), Some(correspondence), Some(cloud)] = reports {
             let journey = Journey::new(phase, correspondence, cloud);
-            self.under_way.remove(&report.exposure_start_ns);
+            self.in_progress.remove(&report.exposure_start_ns);
             return Some(journey);
         }
-        if self.under_way.len() > MAX_UNDER_WAY {
-            self.under_way.pop_first();
+        if self.in_progress.len() > MAX_IN_PROGRESS {
+            self.in_progress.pop_first();
         }
         None
     }
@@ -163,7 +163,7 @@ mod tests {
     fn segments_add_up_to_the_total() {
         let mut journeys = Journeys::default();
         assert_eq!(journeys.add(&report(Stage::Phase, 1040, 1055)), None);
-        // Taken before the phase stage had noted that it was put out.
+        // Received before the phase stage had noted the time of passing it on.
         assert_eq!(journeys.add(&report(Stage::Correspondence, 1054, 1100)), None);
         let journey = journeys.add(&report(Stage::Cloud, 1110, 1150)).unwrap();
         let durations: Vec<u64> = Segment::ALL.iter().map(|&segment| journey.duration_ns(segment)).collect();
@@ -191,12 +191,12 @@ mod tests {
         ];
         let journeys = [[0, 1, 2], [0, 2, 1], [2, 1, 0]].map(|order| {
             let mut journeys = Journeys::default();
-            let ended = order.map(|place| journeys.add(&reports[place]));
-            assert!(journeys.under_way.is_empty());
-            ended
+            let completed = order.map(|index| journeys.add(&reports[index]));
+            assert!(journeys.in_progress.is_empty());
+            completed
         });
         assert!(journeys.iter().all(|[first, second, last]| first.is_none() && second.is_none() && last.is_some()));
-        assert!(journeys.iter().all(|ended| *ended == journeys[0]));
+        assert!(journeys.iter().all(|completed| *completed == journeys[0]));
     }
 
     #[test]
@@ -205,7 +205,7 @@ mod tests {
         for exposure_start_ns in 0..1000 {
             journeys.add(&StageReport { exposure_start_ns, ..report(Stage::Phase, 1, 2) });
         }
-        assert_eq!(journeys.under_way.len(), MAX_UNDER_WAY);
+        assert_eq!(journeys.in_progress.len(), MAX_IN_PROGRESS);
     }
 
     #[test]

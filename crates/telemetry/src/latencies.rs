@@ -3,7 +3,7 @@
 use hdrhistogram::Histogram;
 use serde::Serialize;
 
-/// Longest latency that is resolved, nanoseconds; longer ones count as this.
+/// Longest latency that is resolved, nanoseconds. Longer ones count as this.
 const LONGEST_NS: u64 = 60_000_000_000;
 /// Shortest latency that is resolved, nanoseconds.
 const SHORTEST_NS: u64 = 1_000;
@@ -17,11 +17,11 @@ pub const BUCKETS_NS: [u64; 31] = buckets_ns();
 const fn buckets_ns() -> [u64; 31] {
     const PER_DECADE: [u64; 6] = [10, 15, 20, 30, 50, 70];
     let mut bounds = [10_000_000_000; 31];
-    let (mut place, mut unit) = (0, 10_000);
-    while place < 30 {
-        bounds[place] = PER_DECADE[place % 6] * unit;
-        place += 1;
-        if place.is_multiple_of(6) {
+    let (mut index, mut unit) = (0, 10_000);
+    while index < 30 {
+        bounds[index] = PER_DECADE[index % 6] * unit;
+        index += 1;
+        if index.is_multiple_of(6) {
             unit *= 10;
         }
     }
@@ -32,9 +32,9 @@ const fn buckets_ns() -> [u64; 31] {
 #[derive(Clone, Debug)]
 pub struct Latencies {
     digits: u8,
-    /// Created with the first latency: most stages have none in a short interval.
+    /// Created with the first latency: in a short interval, most stages have none.
     histogram: Option<Histogram<u32>>,
-    /// Counts by bucket; the last bucket is above all bounds.
+    /// Counts by bucket. The last bucket is for values above all bounds.
     buckets: [u64; BUCKETS_NS.len() + 1],
     sum_ns: u64,
 }
@@ -50,7 +50,7 @@ pub struct Latency {
     pub p90_ms: f64,
     /// 99th percentile.
     pub p99_ms: f64,
-    /// Longest.
+    /// Maximum.
     pub max_ms: f64,
 }
 
@@ -61,7 +61,7 @@ impl Default for Latencies {
 }
 
 impl Latencies {
-    /// Latencies of a short interval, in less memory: percentiles are accurate to 6 %.
+    /// Creates a distribution for a short interval, which needs less memory. Percentiles are accurate to 6 %.
     #[must_use]
     pub fn coarse() -> Self {
         Self::with_digits(COARSE_DIGITS)
@@ -71,7 +71,7 @@ impl Latencies {
         Self { digits, histogram: None, buckets: [0; BUCKETS_NS.len() + 1], sum_ns: 0 }
     }
 
-    /// Records a latency; one that ends before it begins counts as 0.
+    /// Records a latency. It counts as 0 if it ends before it begins.
     pub fn record(&mut self, from_ns: u64, to_ns: u64) {
         let latency_ns = to_ns.saturating_sub(from_ns);
         if self.histogram.is_none() {
@@ -99,7 +99,7 @@ impl Latencies {
         self.sum_ns = self.sum_ns.saturating_add(other.sum_ns);
     }
 
-    /// Percentiles; `None` where nothing was recorded.
+    /// Returns the percentiles, or `None` if nothing was recorded.
     #[must_use]
     pub fn brief(&self) -> Option<Latency> {
         let histogram = self.histogram.as_ref()?;
@@ -125,7 +125,7 @@ impl Latencies {
         self.sum_ns
     }
 
-    /// Counts by bucket of [`BUCKETS_NS`], not cumulative; the last bucket is above all bounds.
+    /// Counts by bucket of [`BUCKETS_NS`], not cumulative. The last bucket is for values above all bounds.
     #[must_use]
     pub fn buckets(&self) -> &[u64; BUCKETS_NS.len() + 1] {
         &self.buckets
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn latencies_too_long_or_negative_count_at_the_ends() {
+    fn too_long_or_negative_latencies_count_in_the_outer_buckets() {
         let mut latencies = Latencies::default();
         latencies.record(9, 5);
         latencies.record(0, 3_600_000 * MS);
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn merged_latencies_equal_those_recorded_together() {
+    fn merged_latencies_equal_one_distribution_of_all() {
         let (mut one, mut two, mut both) = (Latencies::coarse(), Latencies::coarse(), Latencies::coarse());
         for ms in 1..50 {
             for (latencies, ns) in [(&mut one, ms * MS), (&mut two, 3 * ms * MS)] {

@@ -1,13 +1,13 @@
-//! Statistics of a run from the reports of its stages: counts, rates, latencies, and the time of each window.
+//! Statistics of a run from the reports of its stages: counts, rates, latencies, and the times of each window.
 //!
 //! ```text
 //! StageReport, WindowReport ──► RunReport ──► Tally (whole run), History (timeline), WorstWindows
 //!   (live or from a recording)           └──► HealthRecord
 //! ```
 //!
-//! [`Tally`] holds totals by stage, [`History`] the timeline in [`Sample`]s of equal intervals, [`Journey`] the times of one
-//! window. [`RunReport`] combines them in bounded memory; [`TraceWriter`] writes a file for trace viewers. Nothing here reads
-//! a clock: the same reports give the same figures, live or later.
+//! [`Tally`] holds the totals of each stage, [`History`] the timeline as [`Sample`]s of equal intervals, and
+//! [`Journey`] the times of one window. [`RunReport`] combines them in bounded memory. [`TraceWriter`] writes a file
+//! for trace viewers. No function here reads a clock: the same reports give the same figures, live or later.
 //!
 //! ```
 //! use fringeflow_message::{Counts, Stage, StageReport};

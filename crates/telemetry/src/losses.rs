@@ -1,8 +1,8 @@
-//! Losses of a run, each counted once: images lost at their source, and the clouds that they cost.
+//! Losses of a run, each counted once: images lost at their source, and the clouds missing because of them.
 //!
-//! The counts of the stages hold a lost image several times: as lost by its camera, as an image of the other camera
-//! without a partner, as pairs that complete no window. A balance needs this; a person who asks what went wrong needs
-//! one number.
+//! The counts of the stages contain a lost image several times: as lost by its camera, as an image of the other camera
+//! without a partner, and as pairs that complete no window. That is right for a balance of the counts, but a person who
+//! asks what went wrong needs one number.
 
 use std::fmt;
 
@@ -13,40 +13,40 @@ use fringeflow_message::{Counts, DropReason, Stage};
 /// Losses since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Losses {
-    /// Images that a camera, its driver or its channel lost or damaged. For a camera that reports nothing, the other
-    /// camera's images without a partner.
+    /// Images that a camera, its driver or its channel lost or damaged. If a camera reports nothing, the images of the
+    /// other camera without a partner.
     pub images: u64,
-    /// Lost pattern events. For a projector that reports nothing, the image pairs without a pattern.
+    /// Lost pattern events. If the projector reports nothing, the image pairs without a pattern.
     pub events: u64,
-    /// Windows whose images show a fault that no sequence number showed.
+    /// Windows whose images show a fault that the sequence numbers did not show.
     pub refused_windows: u64,
     /// Messages missing in recordings.
     pub messages: u64,
-    /// Clouds missing because of these losses: of windows that were incomplete, refused, or lost in a later stage.
+    /// Clouds missing because of these losses: their windows were incomplete, refused, or lost in a later stage.
     pub clouds: u64,
 }
 
-/// Losses in pairing and pattern events that follow from other losses.
-const FOLLOWING: [DropReason; 4] =
+/// Losses in pairing and pattern matching that are consequences of other losses.
+const CONSEQUENTIAL: [DropReason; 4] =
     [DropReason::Unpaired, DropReason::NoPattern, DropReason::PatternConflict, DropReason::NewSession];
 
 impl Losses {
-    /// The losses in the counts of the stages.
+    /// Computes the losses from the counts of the stages.
     #[must_use]
     pub fn from_counts(counts: &[(Stage, Counts)]) -> Self {
         let counts_of = |stage: Stage| {
             counts.iter().find(|(other, _)| *other == stage).map(|(_, counts)| *counts).unwrap_or_default()
         };
         let lost_in = |stage: Stage| counts_of(stage).losses().map(|(_, n)| n).sum::<u64>();
-        let first_lost_in = |stage: Stage| -> u64 {
-            counts_of(stage).losses().filter(|(reason, _)| !FOLLOWING.contains(reason)).map(|(_, n)| n).sum()
+        let originally_lost_in = |stage: Stage| -> u64 {
+            counts_of(stage).losses().filter(|(reason, _)| !CONSEQUENTIAL.contains(reason)).map(|(_, n)| n).sum()
         };
         let (pairing, windowing) = (counts_of(Stage::Pairing), counts_of(Stage::Windowing));
         let cameras = [Stage::Camera1, Stage::Camera2].map(lost_in);
-        let in_pairing = first_lost_in(Stage::Pairing);
+        let in_pairing = originally_lost_in(Stage::Pairing);
         let unpaired = pairing.dropped(DropReason::Unpaired);
         let reported = cameras.iter().sum::<u64>() + in_pairing;
-        // Both images of a pair are without pattern.
+        // The count has both images of each pair.
         let pairs_without_pattern = pairing.dropped(DropReason::NoPattern).div_ceil(2);
         let refused_windows = counts_of(Stage::Phase).dropped_for_images();
         let later = [Stage::Phase, Stage::Correspondence, Stage::Cloud].map(lost_in).iter().sum::<u64>();
@@ -54,13 +54,13 @@ impl Losses {
         let conflicts = pairing.dropped(DropReason::PatternConflict).div_ceil(2);
         let broken = windowing.dropped(DropReason::Incomplete) + windowing.losses().map(|(_, n)| n).sum::<u64>();
         let no_window = missing_pairs + pairs_without_pattern + conflicts + broken;
-        // With a stride, only some of the pairs complete a window that is wanted.
+        // With a stride, only some of the pairs complete a wanted window.
         let (wanted, unwanted) = (windowing.passed, windowing.dropped(DropReason::BetweenWindows));
-        // Rounded up: any loss costs at least one cloud.
+        // Round up: any loss costs at least one cloud.
         let windows = (no_window * wanted.max(1)).div_ceil((wanted + unwanted).max(1));
         Self {
             images: reported.max(unpaired),
-            events: (lost_in(Stage::Projector) + first_lost_in(Stage::Pattern)).max(pairs_without_pattern),
+            events: (lost_in(Stage::Projector) + originally_lost_in(Stage::Pattern)).max(pairs_without_pattern),
             refused_windows,
             messages: lost_in(Stage::Recorder),
             clouds: windows + later,
@@ -81,18 +81,18 @@ impl fmt::Display for Losses {
             one_or_many(events, "pattern event was lost", "pattern events were lost"),
             one_or_many(
                 refused_windows,
-                "window was refused, whose images tell of a fault",
-                "windows were refused, whose images tell of faults",
+                "window was refused because its images show a fault",
+                "windows were refused because their images show faults",
             ),
             one_or_many(messages, "message is missing in recordings", "messages are missing in recordings"),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
-        let cost = one_or_many(clouds, "cloud", "clouds");
+        let cost = one_or_many(clouds, "cloud is", "clouds are");
         match (parts.is_empty(), cost) {
             (true, None) => write!(f, "nothing was lost"),
-            (true, Some(cost)) => write!(f, "{cost} lost on their way"),
-            (false, None) => write!(f, "{}; no cloud is missing for it", parts.join(", ")),
-            (false, Some(cost)) => write!(f, "{}; {cost} missing for it", parts.join(", ")),
+            (true, Some(cost)) => write!(f, "{cost} lost in later stages"),
+            (false, None) => write!(f, "{}; no cloud is missing because of this", parts.join(", ")),
+            (false, Some(cost)) => write!(f, "{}; {cost} missing because of this", parts.join(", ")),
         }
     }
 }
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_lost_image_counts_once_however_many_stages_report_it() {
-        // Windows of six, one for every pair: each lost image costs its own window and five more.
+        // Windows of six images, one for every pair: each lost image costs its own window and five more.
         let lost = [
             (Stage::Camera1, counts(594, &[(DropReason::CameraLost, 6)])),
             (Stage::Camera2, counts(596, &[(DropReason::CameraLost, 4)])),
@@ -120,11 +120,11 @@ mod tests {
         ];
         let losses = Losses::from_counts(&lost);
         assert_eq!((losses.images, losses.clouds), (10, 60));
-        assert_eq!(losses.to_string(), "10 images were lost; 60 clouds missing for it");
+        assert_eq!(losses.to_string(), "10 images were lost; 60 clouds are missing because of this");
     }
 
     #[test]
-    fn a_silent_camera_is_judged_by_the_other_one() {
+    fn losses_of_a_silent_camera_are_inferred_from_the_other() {
         let silent = [
             (Stage::Pairing, counts(40, &[(DropReason::Unpaired, 30)])),
             (Stage::Windowing, counts(4, &[(DropReason::Beginning, 5), (DropReason::BetweenWindows, 12)])),
@@ -138,7 +138,10 @@ mod tests {
         let hidden = [(Stage::Phase, counts(100, &[(DropReason::HiddenLoss, 9), (DropReason::NextStageBusy, 50)]))];
         let losses = Losses::from_counts(&hidden);
         assert_eq!((losses.images, losses.refused_windows, losses.clouds), (0, 9, 9));
-        assert_eq!(losses.to_string(), "9 windows were refused, whose images tell of faults; 9 clouds missing for it");
+        assert_eq!(
+            losses.to_string(),
+            "9 windows were refused because their images show faults; 9 clouds are missing because of this"
+        );
         assert_eq!(
             Losses::from_counts(&[(Stage::Windowing, counts(9, &[(DropReason::Beginning, 5)]))]),
             Losses::default()

@@ -1,19 +1,19 @@
-//! A whole run from its reports, in bounded memory: the same type live and for a recording.
+//! Summarizes a whole run from its reports, in bounded memory. The same type serves live runs and recordings.
 
 use fringeflow_message::{Stage, StageReport, WindowReport};
 
 use super::{Cause, HealthRecord, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
 
-/// Number of slowest windows in a report on a run.
+/// Number of slowest windows in the report of a run.
 pub const WORST_WINDOWS: usize = 20;
 
-/// Whether exposure times belong to this run.
+/// Whether the exposure times belong to this run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Exposures {
     /// The exposures took place during the run.
     #[default]
     Live,
-    /// The exposures come from a recording that is replayed. Durations before the window was complete are unknown.
+    /// The exposures come from a replayed recording. Durations before the window was complete are unknown.
     Replayed,
 }
 
@@ -31,7 +31,7 @@ pub struct RunReport {
 }
 
 impl RunReport {
-    /// An empty run that keeps the `most` slowest windows.
+    /// Creates a report of a run without reports. It will keep the `most` slowest windows.
     #[must_use]
     pub fn new(exposures: Exposures, most: usize) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl RunReport {
         self.window = Some(WindowFigures::from_report(report));
     }
 
-    /// Whether exposure times belong to this run.
+    /// Whether the exposure times belong to this run.
     #[must_use]
     pub fn exposures(&self) -> Exposures {
         self.exposures
@@ -83,7 +83,7 @@ impl RunReport {
         &self.history
     }
 
-    /// The points of the timeline, without unknown durations; `wall_ms` as for [`History::samples`].
+    /// Returns the points of the timeline, without unknown durations. `wall_ms` is as for [`History::samples`].
     #[must_use]
     pub fn samples(&self, wall_ms: impl Fn(u64) -> f64) -> Vec<Sample> {
         let mut samples = self.history.samples(wall_ms);
@@ -105,19 +105,20 @@ impl RunReport {
         &self.health
     }
 
-    /// Windows that were followed from exposure to cloud.
+    /// Number of windows with reports from exposure to cloud.
     #[must_use]
     pub fn windows(&self) -> u64 {
         self.tally.segment(Segment::Cloud).count()
     }
 
-    /// Clouds of windows that lack the report of an earlier stage: they count in the latencies of the stages only.
+    /// Number of clouds whose windows lack the report of an earlier stage. They count only in the latencies of the
+    /// stages.
     #[must_use]
     pub fn incomplete(&self) -> u64 {
         self.tally.total().count().saturating_sub(self.windows())
     }
 
-    /// Clouds per second, from the first to the last; `None` for fewer than two.
+    /// Clouds per second, from the first to the last cloud; `None` for fewer than two.
     #[must_use]
     pub fn cloud_rate_hz(&self) -> Option<f64> {
         let [first_ns, last_ns] = self.clouds_ns?;
@@ -131,7 +132,7 @@ impl RunReport {
         (self.exposures == Exposures::Live).then(|| self.tally.total())
     }
 
-    /// The segments whose durations are known, in their order.
+    /// Iterates over the segments with known durations, in their order.
     pub fn segments(&self) -> impl Iterator<Item = (Segment, &Latencies)> + '_ {
         let first = match self.exposures {
             Exposures::Live => Segment::Camera,
@@ -141,13 +142,13 @@ impl RunReport {
         known.map(|segment| (segment, self.tally.segment(segment)))
     }
 
-    /// The slowest windows, the slowest first, by their known durations.
+    /// The slowest windows by their known durations, the slowest first.
     #[must_use]
     pub fn worst(&self) -> &[Journey] {
         self.worst.journeys()
     }
 
-    /// Why a window took long; `None` where no segment took longer than its median.
+    /// Returns why a window took long, or `None` if no segment took longer than its median.
     #[must_use]
     pub fn cause(&self, journey: &Journey) -> Option<Cause> {
         let causes = self.segments().filter_map(|(segment, latencies)| {
@@ -172,8 +173,8 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Adds the reports of the three working stages on a window that takes 10 ms in the camera, waits for `queue_ms`
-    /// and takes `search_ms` in the correspondence stage.
+    /// Adds the reports of the three processing stages on a window that takes 10 ms in the camera, waits for
+    /// `queue_ms`, and takes `search_ms` in the correspondence stage.
     fn window(run: &mut RunReport, exposure_ms: u64, queue_ms: u64, search_ms: u64) {
         let received_ms = exposure_ms + 10;
         let phase_ms = received_ms + 4;

@@ -13,15 +13,15 @@ use super::{Latency, StageTally};
 pub struct StageFigures {
     /// Its name.
     pub stage: &'static str,
-    /// Items that it took.
+    /// Items that it received.
     pub taken: u64,
-    /// Items that it put out.
+    /// Items that it passed on.
     pub passed: u64,
     /// Items that it dropped, by the name of the reason.
     pub dropped: BTreeMap<&'static str, u64>,
-    /// Incidents by name; they need not have cost an item.
+    /// Incidents by name. They did not necessarily cost an item.
     pub incidents: BTreeMap<&'static str, u64>,
-    /// From taking an item to putting it out; `None` where nothing was put out.
+    /// Time from receiving an item to passing it on; `None` if no item was passed on.
     pub latency: Option<Latency>,
     /// Skew of the image pairs, for the stage that pairs.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -33,14 +33,14 @@ pub struct StageFigures {
 pub struct SkewFigures {
     /// Mean.
     pub mean_ms: f64,
-    /// Least.
+    /// Minimum.
     pub least_ms: f64,
-    /// Greatest.
+    /// Maximum.
     pub greatest_ms: f64,
 }
 
 impl StageFigures {
-    /// Figures of a stage with these counts; `tally` holds its reports, if it sent any.
+    /// Creates the figures of a stage with these counts. `tally` holds its reports, if it sent any.
     #[must_use]
     pub fn new(stage: Stage, counts: &Counts, tally: Option<&StageTally>) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl StageFigures {
 }
 
 impl SkewFigures {
-    /// `None` without a pair.
+    /// Returns `None` if no images were paired.
     #[must_use]
     pub fn from_skew(skew: &Skew) -> Option<Self> {
         let ms = |ns: i64| ns as f64 * 1e-6;

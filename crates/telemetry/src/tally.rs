@@ -1,4 +1,4 @@
-//! The reports of a run, by stage.
+//! Totals of the reports of a run, by stage.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use fringeflow_message::{Counts, Skew, Stage, StageReport};
 use super::journey::Journeys;
 use super::{Journey, Latencies, Segment};
 
-/// A stage without a report for longer than this is silent, nanoseconds.
+/// A stage counts as silent after this time without a report, nanoseconds.
 const SILENT_NS: u64 = 3_000_000_000;
 /// Time over which rates are measured, nanoseconds.
 const RATE_SPAN_NS: u64 = 1_000_000_000;
@@ -30,21 +30,21 @@ pub struct StageTally {
     pub pid: u32,
     /// Restarts of the service.
     pub restarts: u32,
-    /// Items put out per second.
+    /// Items passed per second.
     pub rate_hz: f64,
     /// Time of the last report.
     pub time_ns: u64,
     /// Start of the images of camera 2 relative to camera 1, for the stage that pairs them.
     pub skew: Skew,
-    /// From taking an item to putting it out.
+    /// Time from receiving an item to passing it on.
     pub latencies: Latencies,
-    /// Time and count of passed items where the measurement of the rate began.
+    /// Time and count of passed items at the start of the present measurement of the rate.
     rate_from: (u64, u64),
 }
 
 impl Tally {
-    /// Adds a report and returns the journey of a window whose last report it is. A report of an unknown stage is
-    /// ignored.
+    /// Adds a report, and returns the journey of a window whose last report it is. Ignores a report of an unknown
+    /// stage.
     pub fn add(&mut self, report: &StageReport) -> Option<Journey> {
         let stage = Stage::from_code(report.stage)?;
         let tally = self.stages.entry(stage).or_insert_with(|| StageTally::new(report));
@@ -114,7 +114,7 @@ impl StageTally {
         }
     }
 
-    /// Whether it has not reported for three seconds.
+    /// Whether the stage has not reported for three seconds.
     #[must_use]
     pub fn is_silent(&self, now_ns: u64) -> bool {
         now_ns.saturating_sub(self.time_ns) > SILENT_NS

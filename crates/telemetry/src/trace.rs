@@ -1,7 +1,8 @@
-//! A run as a file for trace viewers: Perfetto, `chrome://tracing`.
+//! Writes a run as a file for trace viewers: Perfetto, `chrome://tracing`.
 //!
-//! Chrome's trace event format, JSON: a process for each service, a thread for each stage, a slice for each item from
-//! taking it to putting it out. Arrows connect the stages of one window. Times are microseconds of `CLOCK_MONOTONIC`.
+//! The format is Chrome's trace event format (JSON). It has a process for each service, a thread for each stage, and a
+//! slice for each item, from receiving it to passing it on. Arrows connect the stages of one window. Times are
+//! microseconds of `CLOCK_MONOTONIC`.
 
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -17,13 +18,13 @@ const ARROW: &str = "window";
 #[derive(Debug)]
 pub struct TraceWriter<W: Write> {
     out: W,
-    /// Stages by process that have a name in the file already.
+    /// Processes and stages whose names are already in the file.
     named: BTreeSet<(u32, Stage)>,
     is_first: bool,
 }
 
 impl<W: Write> TraceWriter<W> {
-    /// Begins a trace.
+    /// Starts a trace.
     ///
     /// # Errors
     /// Errors of the writer.
@@ -32,7 +33,7 @@ impl<W: Write> TraceWriter<W> {
         Ok(Self { out, named: BTreeSet::new(), is_first: true })
     }
 
-    /// Adds a report; keep-alive reports and reports of unknown stages are ignored.
+    /// Adds a report. Ignores keep-alive reports and reports of unknown stages.
     ///
     /// # Errors
     /// Errors of the writer.
@@ -55,7 +56,7 @@ impl<W: Write> TraceWriter<W> {
         }
     }
 
-    /// Ends the trace; the file is no valid JSON before.
+    /// Ends the trace. The file is valid JSON only afterwards.
     ///
     /// # Errors
     /// Errors of the writer.
@@ -72,7 +73,8 @@ impl<W: Write> TraceWriter<W> {
         self.event(&json!({"ph": "M", "name": "process_sort_index", "pid": pid, "args": {"sort_index": tid}}))
     }
 
-    /// One end of an arrow between the stages of a window; the viewer binds it to the slice around its time.
+    /// Writes an event of the arrow that connects the stages of a window. The viewer attaches it to the slice around
+    /// its time.
     fn arrow(&mut self, phase: &str, report: &StageReport, stage: Stage) -> io::Result<()> {
         let middle_ns = report.taken_ns.midpoint(report.passed_ns.max(report.taken_ns));
         self.event(&json!({
@@ -141,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_trace_is_one() {
+    fn an_empty_trace_is_valid() {
         let trace = TraceWriter::new(Vec::new()).unwrap().finish().unwrap();
         assert_eq!(serde_json::from_slice::<Value>(&trace).unwrap()["traceEvents"], json!([]));
     }

@@ -1,4 +1,4 @@
-//! Figures of the tracking, from the last reports on the poses of the clouds.
+//! Figures of the tracking, from the last pose reports.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ use fringeflow_message::{Counts, LostReason, PoseReport};
 /// Time without a report after which the state is `no_cloud`, nanoseconds.
 const SILENT_NS: u64 = 2_000_000_000;
 
-/// The last reports on the poses of a scanner.
+/// The last pose reports of a scanner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TrackingWatch {
     last: Option<PoseReport>,
@@ -17,20 +17,20 @@ pub struct TrackingWatch {
     with_pose: Option<PoseReport>,
 }
 
-/// State of the tracking. Lengths in millimetres, angles in degrees, shares in percent.
+/// State of the tracking. Lengths are in millimetres, angles in degrees, shares in percent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrackingFigures {
-    /// `tracked`, `lost`, or `no_cloud` where no cloud has come for two seconds.
+    /// `tracked`, `lost`, or `no_cloud` if no cloud has arrived for two seconds.
     pub state: &'static str,
     /// Why the last cloud has no pose.
     pub reason: Option<&'static str>,
-    /// Root mean square distance to the model, of the last cloud that has a pose.
+    /// Root mean square distance of the last cloud with a pose to the model.
     pub rms_mm: f64,
-    /// Share of that cloud's points with a partner in the model.
+    /// Share of the points of that cloud with a partner in the model.
     pub inliers: f64,
-    /// Standard deviation of its position at the middle of the model.
+    /// Standard deviation of the position of that cloud at the centre of the model.
     pub sd_mm: f64,
-    /// Standard deviation of its rotation.
+    /// Standard deviation of the rotation of that cloud.
     pub sd_deg: f64,
     /// Points of the model.
     pub model_points: u64,
@@ -49,7 +49,7 @@ impl TrackingWatch {
         }
     }
 
-    /// The figures at a time, with the counts of the stage; `None` before the first report.
+    /// Returns the figures at `now_ns`, with the counts of the stage, or `None` before the first report.
     #[must_use]
     pub fn figures(&self, counts: &Counts, now_ns: u64) -> Option<TrackingFigures> {
         let last = self.last?;
@@ -82,8 +82,8 @@ impl fmt::Display for TrackingFigures {
         }
         write!(
             f,
-            "; {clouds_tracked:.0} % of the clouds have a pose, the last known to {sd_mm:.4} mm and {sd_deg:.4}°, \
-             {rms_mm:.4} mm rms from the model of {model_points} points of {model_clouds} clouds"
+            "; {clouds_tracked:.0} % of the clouds have a pose; last pose: sd {sd_mm:.4} mm and {sd_deg:.4}°, \
+             {rms_mm:.4} mm rms from the model ({model_points} points of {model_clouds} clouds)"
         )
     }
 }

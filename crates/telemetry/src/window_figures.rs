@@ -1,4 +1,4 @@
-//! The figures of a window for people and programs.
+//! Figures of a window for people and programs.
 
 use std::f64::consts::PI;
 
@@ -9,12 +9,12 @@ use fringeflow_message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
 
 use super::HealthFigures;
 
-/// How well a window was measured. Shares are percent of the pixels of camera 1 with a valid phase.
+/// Quality of the measurement of a window. Shares are percent of the pixels of camera 1 with a valid phase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WindowFigures {
     /// Standard deviation sd of δ.
     pub sd_rad: f64,
-    /// Part of it that noise causes.
+    /// The part of it that noise causes.
     pub noise_sd_rad: f64,
     /// Threshold thr of δ about its mean.
     pub thr_rad: f64,
@@ -22,7 +22,7 @@ pub struct WindowFigures {
     pub n: f64,
     /// Expected false candidates for each true one (paper, Eq. 1).
     pub efc: f64,
-    /// Drift of the calibration; `None` where the resolution measures none.
+    /// Drift of the calibration; `None` if the resolution does not measure it.
     pub drift: Option<DriftFigures>,
     /// Outcomes of the pixels.
     pub outcomes: Shares,
@@ -30,15 +30,15 @@ pub struct WindowFigures {
     pub delta_mean_rad: f64,
     /// Median of δ over the chosen candidates.
     pub delta_median_rad: f64,
-    /// Fit residual ÷ modulation of both cameras; `None` with three steps, which leave no residual.
+    /// Fit residual ÷ modulation of both cameras; `None` with three phase shifts, which leave no residual.
     pub residual: [Option<f32>; 2],
-    /// Percent of the pixels of either camera with a valid phase.
+    /// Percent of the pixels of each camera with a valid phase.
     pub valid: [f64; 2],
     /// Light, fringes and motion in each camera.
     pub cameras: [CameraFigures; 2],
     /// Start of the images of camera 2 relative to camera 1, mean over the pairs, milliseconds.
     pub skew_ms: f64,
-    /// Steps by which the images of camera 1 and camera 2 were ahead of the declared phase shifts.
+    /// Phase steps by which the images of each camera were ahead of the declared phase shifts.
     pub slip_steps: [i32; 2],
     /// Health of the scanner; `None` in older recordings.
     pub health: Option<HealthFigures>,
@@ -51,15 +51,15 @@ pub struct WindowFigures {
 /// Light, fringes and motion in one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CameraFigures {
-    /// Percent of the lit pixels with saturated samples; `None` where nothing is lit.
+    /// Percent of the lit pixels with saturated samples; `None` if no pixel is lit.
     pub saturated: Option<f64>,
     /// Percent of the lit pixels that are barely lit.
     pub dim: Option<f64>,
-    /// Amplitude of the second harmonic of the fringes ÷ modulation; `None` where the phase shifts cannot show it.
+    /// Amplitude of the second harmonic of the fringes ÷ modulation; `None` if the phase shifts cannot reveal it.
     pub second_harmonic: Option<f32>,
     /// The same for the third harmonic.
     pub third_harmonic: Option<f32>,
-    /// Motion of the scene; `None` where only one cycle was decoded.
+    /// Motion of the scene; `None` if only one cycle was decoded.
     pub motion: Option<MotionFigures>,
 }
 
@@ -70,35 +70,36 @@ pub struct MotionFigures {
     pub median_rad: f32,
     /// Absolute phase motion that 5 % of the pixels exceed.
     pub fast_rad: f32,
-    /// Greatest deviation of an image's brightness from the mean, percent.
+    /// Largest deviation of the brightness of an image from the mean, percent.
     pub brightness: f32,
     /// Pixels decoded from part of their images.
     pub one_surface_pixels: u64,
-    /// Pixels left out because of motion.
+    /// Pixels dropped because of motion.
     pub lost_pixels: u64,
 }
 
 /// Size of the calibration error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DriftFigures {
-    /// Root mean square over the measurement volume of the δ that it causes.
+    /// Root mean square of the resulting δ over the measurement volume.
     pub rms_rad: f64,
-    /// Errors of the parameters that explain it, in pixels at the border of an image, root of the sum of their squares.
+    /// Errors of the parameters that explain the drift, in pixels at the border of an image; root of the sum of
+    /// squares.
     pub error_px: f64,
     /// Percent of the pixels with a candidate that agrees with the drift.
     pub agreeing: f64,
-    /// Standard deviation of δ about the drift: the part left for noise.
+    /// Standard deviation of δ about the drift: the part due to noise.
     pub residual_sd_rad: f64,
 }
 
-/// Percent of the pixels with a valid phase.
+/// Outcomes, in percent of the pixels with a valid phase.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Shares {
     /// One candidate, confirmed by its neighbours.
     pub unique: f64,
     /// Decided between several candidates.
     pub decided: f64,
-    /// Several candidates, and nothing decides.
+    /// Several candidates that nothing decides between.
     pub undecided: f64,
     /// All candidates fail the back-projection test, or contradict others.
     pub rejected: f64,
@@ -118,7 +119,7 @@ pub struct DeltaCounts {
 }
 
 impl WindowFigures {
-    /// The figures of a report.
+    /// Creates the figures of a report.
     #[must_use]
     pub fn from_report(report: &WindowReport) -> Self {
         let pixels: u64 = report.outcomes.iter().sum();
@@ -169,7 +170,7 @@ impl CameraFigures {
 }
 
 impl DriftFigures {
-    /// The figures of a report whose drift was measured.
+    /// Creates the figures of a report whose drift was measured.
     #[must_use]
     pub fn from_drift(drift: &DriftReport) -> Self {
         Self {
@@ -182,7 +183,7 @@ impl DriftFigures {
 }
 
 impl Shares {
-    /// The shares before there is a window.
+    /// Shares before the first window.
     pub const NOT_A_NUMBER: Self =
         Self { unique: f64::NAN, decided: f64::NAN, undecided: f64::NAN, rejected: f64::NAN, nothing: f64::NAN };
 

@@ -2,26 +2,26 @@
 
 use super::Journey;
 
-/// The slowest journeys, the slowest first; of equal ones those that came first.
+/// The slowest journeys, the slowest first. Among equals, the first to arrive comes first.
 #[derive(Clone, Debug)]
 pub struct WorstWindows {
-    most: usize,
+    max_count: usize,
     journeys: Vec<Journey>,
 }
 
 impl WorstWindows {
-    /// An empty list of at most `most` journeys.
+    /// Creates an empty list of at most `max_count` journeys.
     #[must_use]
-    pub fn new(most: usize) -> Self {
-        Self { most, journeys: Vec::new() }
+    pub fn new(max_count: usize) -> Self {
+        Self { max_count, journeys: Vec::new() }
     }
 
     /// Adds a journey.
     pub fn add(&mut self, journey: &Journey) {
-        let place = self.journeys.partition_point(|other| other.total_ns() >= journey.total_ns());
-        if place < self.most {
-            self.journeys.truncate(self.most - 1);
-            self.journeys.insert(place, *journey);
+        let index = self.journeys.partition_point(|other| other.total_ns() >= journey.total_ns());
+        if index < self.max_count {
+            self.journeys.truncate(self.max_count - 1);
+            self.journeys.insert(index, *journey);
         }
     }
 

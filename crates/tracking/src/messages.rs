@@ -1,12 +1,12 @@
-//! Poses and the model as messages.
+//! Converts poses and the model to messages.
 
 use fringeflow_message::{CloudHeader, LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, TrackingState};
 
 use crate::fusion::{Surfel, Thinned, Tracked, Tracker, Tracking};
 use crate::registration::Lost;
 
-/// Report on a tracked cloud; `first_cloud` is the number of the model's first cloud. The sender adds the sequence
-/// numbers of the report itself.
+/// Creates the report on a tracked cloud. `first_cloud` is the number of the first cloud of the model. The sender adds
+/// the sequence numbers of the report.
 #[must_use]
 pub fn pose_report(tracker: &Tracker, tracked: &Tracked, cloud: &CloudHeader, first_cloud: u64) -> PoseReport {
     let report = PoseReport {
@@ -19,11 +19,11 @@ pub fn pose_report(tracker: &Tracker, tracked: &Tracked, cloud: &CloudHeader, fi
         ..PoseReport::default()
     };
     let Tracking::Lost(lost) = &tracked.tracking else { return with_pose(report, tracker, tracked) };
-    let tried = match *lost {
+    let share = match *lost {
         Lost::TooFewInCommon { associated, tried } if tried > 0 => associated as f64 / tried as f64,
         _ => 0.0,
     };
-    PoseReport { reason: reason(lost) as u32, share: tried, ..report }
+    PoseReport { reason: reason(lost) as u32, share, ..report }
 }
 
 fn with_pose(report: PoseReport, tracker: &Tracker, tracked: &Tracked) -> PoseReport {
@@ -49,8 +49,8 @@ fn with_pose(report: PoseReport, tracker: &Tracker, tracked: &Tracked) -> PoseRe
     }
 }
 
-/// Writes the points of a thinned model into `out` as a payload, and returns its header; `last` is the report on the last
-/// cloud in the model.
+/// Writes the points of a thinned model into `out` as a payload, and returns the header. `last` is the report on the
+/// last cloud in the model.
 #[must_use]
 pub fn model_message(tracker: &Tracker, shown: &Thinned<'_>, last: &PoseReport, out: &mut Vec<u8>) -> ModelHeader {
     out.clear();

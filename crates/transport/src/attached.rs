@@ -1,8 +1,8 @@
 //! The files of a port, and how the port notices that they were replaced.
 //!
-//! When the files of an instance are removed, running processes keep the files they have open. Processes that start
-//! later create new files under the same names, and the two groups no longer exchange messages. So a port remembers its
-//! files.
+//! When the files of an instance are removed, running processes keep the files that they have open. Processes that
+//! start later create new files under the same names, and the two groups cannot exchange messages. So a port remembers
+//! which files it opened.
 
 use std::fs;
 use std::ops::Deref;
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{TransportError, shared_memory};
 
-/// Files through which others find a port, as they were when it was opened.
+/// Files through which other processes find a port, with their identities when the port was opened.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Files {
     all: Vec<(PathBuf, Option<Identity>)>,
@@ -28,26 +28,26 @@ pub(super) struct Service {
     pub(super) participants: PathBuf,
 }
 
-/// A port and the files through which others find it.
+/// A port and the files through which other processes find it.
 #[derive(Debug)]
 pub(super) struct Attached<T> {
-    // Fields are dropped in this order.
+    // Rust drops the fields in this order: the links must outlive the port.
     port: T,
     files: Files,
-    successors: Vec<SecondLink>,
+    successors: Vec<KeptByLink>,
 }
 
-/// Device, inode and modification time. Disks reuse an inode at once, so the time is needed. Shared memory does not
-/// reuse them, and there the time may change with every message: it is left out.
+/// Device, inode and modification time. A disk may reuse an inode at once, so the time is needed. Shared memory does
+/// not reuse inodes, and its modification time may change with every message, so the time is `None` there.
 type Identity = (u64, u64, Option<(i64, i64)>);
 
 impl Files {
     pub(super) fn new(files: impl IntoIterator<Item = PathBuf>) -> Self {
-        let identified = |file: PathBuf| {
+        let with_identity = |file: PathBuf| {
             let identity = identity(&file);
             (file, identity)
         };
-        Self { all: files.into_iter().map(identified).collect(), services: Vec::new() }
+        Self { all: files.into_iter().map(with_identity).collect(), services: Vec::new() }
     }
 
     /// Adds the files of services.
@@ -64,7 +64,7 @@ impl Files {
         self.services.extend(other.services);
     }
 
-    /// Whether all files exist and are still the same.
+    /// Whether all files still exist and none was replaced.
     fn are_current(&self) -> bool {
         self.all.iter().all(|(file, before)| before.is_some() && identity(file) == *before)
     }
@@ -73,7 +73,7 @@ impl Files {
         self.all.iter().any(|(known, before)| known == file && identity(file) != *before)
     }
 
-    /// The files that others have created again.
+    /// Files that another process has created again.
     fn successors(&self) -> impl Iterator<Item = &Path> {
         let created_again = |(file, before): &&(PathBuf, _)| identity(file).is_some_and(|now| Some(now) != *before);
         self.all.iter().filter(created_again).map(|(file, _)| file.as_path())
@@ -90,8 +90,8 @@ impl<T> Attached<T> {
         self.files.are_current()
     }
 
-    /// Removes the descriptions of services whose shared memory was removed. Nobody can join such a service, and while its
-    /// description exists, nobody can create it again.
+    /// Removes the descriptions of services whose shared memory was removed. No process can join such a service, and
+    /// none can create it again while its description exists.
     pub(super) fn remove_unusable_services(&self) {
         for Service { description, participants } in &self.files.services {
             if !participants.exists() && !self.files.is_replaced(description) {
@@ -102,7 +102,7 @@ impl<T> Attached<T> {
     }
 }
 
-/// Opens a port again if its files were replaced or it is closed; returns whether that was so.
+/// Opens a port again if its files were replaced or it is closed. Returns whether it did.
 pub(super) fn ensure_open<T>(
     port: &mut Option<Attached<T>>,
     open: impl FnOnce() -> Result<Attached<T>, TransportError>,
@@ -110,7 +110,7 @@ pub(super) fn ensure_open<T>(
     if port.as_ref().is_some_and(Attached::is_current) {
         return Ok(false);
     }
-    // The old port goes first: the channel may have room for one only.
+    // Close the old port first: the channel may allow only one.
     if let Some(old) = port.take() {
         old.remove_unusable_services();
     }
@@ -127,21 +127,21 @@ impl<T> Deref for Attached<T> {
 }
 
 impl<T> Drop for Attached<T> {
-    /// The last user of a service removes its files by name, even if they belong to a successor by now. Second links
-    /// keep those.
+    /// The last user of a service removes its files by name, even if another process has created them again. Hard links
+    /// keep the new files.
     fn drop(&mut self) {
-        self.successors = self.files.successors().filter_map(SecondLink::new).collect();
+        self.successors = self.files.successors().filter_map(KeptByLink::new).collect();
     }
 }
 
-/// A hard link that keeps a file when its first name is removed.
+/// A hard link that keeps a file while its original name is removed, and then restores the name.
 #[derive(Debug)]
-struct SecondLink {
+struct KeptByLink {
     file: PathBuf,
     link: PathBuf,
 }
 
-impl SecondLink {
+impl KeptByLink {
     /// `None` if the file has just been removed.
     fn new(file: &Path) -> Option<Self> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
@@ -152,9 +152,10 @@ impl SecondLink {
     }
 }
 
-impl Drop for SecondLink {
+impl Drop for KeptByLink {
     fn drop(&mut self) {
-        // A failure leaves a file that the supervisor removes, or a replaced one that every port notices.
+        // On failure, either a file is left that the supervisor removes, or a file is missing, which every port
+        // notices.
         let _ = if self.file.exists() { fs::remove_file(&self.link) } else { fs::rename(&self.link, &self.file) };
     }
 }

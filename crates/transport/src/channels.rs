@@ -26,7 +26,7 @@ pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::Repor
 pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::ReportWindow);
 /// Poses of the scanner.
 pub const TRACKING_POSE: Channel<(), PoseReport> = Channel::new(ChannelId::TrackingPose);
-/// The growing model, thinned out.
+/// The growing model, thinned.
 pub const TRACKING_MODEL: Channel<ModelHeader, [u8]> = Channel::new(ChannelId::TrackingModel);
 /// Depth priors for the next windows.
 pub const TRACKING_PRIOR: Channel<PriorHeader, [u8]> = Channel::new(ChannelId::TrackingPrior);
@@ -70,7 +70,7 @@ pub enum ChannelId {
     ReportWindow,
     /// Poses of the scanner.
     TrackingPose,
-    /// The growing model, thinned out.
+    /// The growing model, thinned.
     TrackingModel,
     /// Depth priors for the next windows.
     TrackingPrior,
@@ -84,7 +84,7 @@ pub struct Channel<H, P: ?Sized> {
     types: PhantomData<fn(&H, &P)>,
 }
 
-/// Sizes of the messages of an instance; all its processes use the same.
+/// Sizes of the messages of an instance. All its processes must use the same sizes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ChannelSizes {
     /// Bytes of the larger camera's image.
@@ -97,7 +97,7 @@ pub struct ChannelSizes {
     pub correspondence_blocks: usize,
     /// Bytes of the largest cloud.
     pub cloud_bytes: usize,
-    /// Most points of the published model; 0 without one.
+    /// Maximum number of points of the published model; 0 without a model.
     pub model_points: usize,
     /// Bytes of the largest prior; 0 without priors.
     pub prior_bytes: usize,
@@ -106,13 +106,14 @@ pub struct ChannelSizes {
 /// Capacity of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelLimits {
-    /// Most publishers. A killed publisher can be replaced at once, because a new process removes it first.
+    /// Maximum number of publishers. A killed publisher can be replaced at once, because its successor removes it
+    /// first.
     pub publishers: usize,
-    /// Most subscribers.
+    /// Maximum number of subscribers.
     pub subscribers: usize,
-    /// Messages that wait for a subscriber; a further message drops the oldest.
+    /// Messages that wait for a subscriber. A further message drops the oldest.
     pub buffer: usize,
-    /// Messages that a subscriber may hold.
+    /// Messages that a subscriber may hold at once.
     pub borrowed: usize,
     /// Messages that a new subscriber receives.
     pub history: usize,
@@ -120,7 +121,7 @@ pub struct ChannelLimits {
     pub header_bytes: usize,
     /// Bytes of a payload element.
     pub element_bytes: usize,
-    /// Most elements of a payload.
+    /// Maximum number of elements of a payload.
     pub elements: usize,
 }
 
@@ -179,11 +180,11 @@ impl ChannelId {
                 Limits { publishers: 16, subscribers: 8, ..Limits::for_elements::<(), StageReport>(1, 256) }
             }
             Self::ReportWindow => Limits::for_elements::<(), WindowReport>(1, 64),
-            // A status query sees the last pose even when no cloud comes.
+            // A status query gets the last pose even while no clouds arrive.
             Self::TrackingPose => {
                 Limits { subscribers: 8, history: 1, ..Limits::for_elements::<(), PoseReport>(1, 64) }
             }
-            // A late subscriber sees the model before it grows again.
+            // A late subscriber gets the current model before the next update.
             Self::TrackingModel => {
                 let bytes = sizes.model_points.max(1) * MODEL_POINT_BYTES;
                 Limits { history: 1, ..Limits::for_elements::<ModelHeader, u8>(bytes, 2) }
@@ -198,7 +199,7 @@ impl ChannelId {
 }
 
 impl ChannelLimits {
-    /// One publisher, and four subscribers that hold a message while they look at the next.
+    /// Limits of one publisher, and four subscribers that hold one message while they receive the next.
     fn for_elements<H, E>(elements: usize, buffer: usize) -> Self {
         Self {
             publishers: 1,
@@ -218,7 +219,7 @@ impl<H, P: ?Sized> Channel<H, P> {
         Self { id, types: PhantomData }
     }
 
-    /// Which channel it is.
+    /// Identifier of the channel.
     #[must_use]
     pub fn id(self) -> ChannelId {
         self.id

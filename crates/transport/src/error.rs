@@ -7,16 +7,16 @@ use std::time::Duration;
 /// An instance, a channel or its shared memory cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum TransportError {
-    /// The name of an instance cannot name a folder and sockets.
+    /// The name of an instance is not valid for a folder and sockets.
     #[error("instance name {name:?}: use 1 to 32 letters, digits, - or _")]
     Name {
         /// The name.
         name: String,
     },
-    /// The names of sockets in the folder would be longer than the system allows.
+    /// The paths of sockets in the folder would be longer than the system allows.
     #[error(
-        "{} has {bytes} bytes, at most {limit} leave room for the names of sockets; choose a shorter instance name or \
-         runtime folder (FRINGEFLOW_RUNTIME_DIR)",
+        "the path {} has {bytes} bytes, but at most {limit} leave room for socket names; choose a shorter instance \
+         name or runtime folder (FRINGEFLOW_RUNTIME_DIR)",
         path.display()
     )]
     PathTooLong {
@@ -27,9 +27,9 @@ pub enum TransportError {
         /// Longest allowed.
         limit: usize,
     },
-    /// A folder that others could write to or replace.
+    /// A folder that another user could write to or replace.
     #[error("{} {why}; remove it, or choose another runtime folder (FRINGEFLOW_RUNTIME_DIR)", path.display())]
-    NotOurs {
+    UnsafeFolder {
         /// The folder.
         path: PathBuf,
         /// What is wrong with it.
@@ -46,7 +46,7 @@ pub enum TransportError {
         source: io::Error,
     },
     /// Another supervisor runs the instance.
-    #[error("an instance {name} is already running (pid {pid}); stop it or choose another name")]
+    #[error("instance {name} is already running (pid {pid}); stop it or choose another name")]
     AlreadyRunning {
         /// The instance.
         name: String,
@@ -69,8 +69,8 @@ pub enum TransportError {
     },
     /// Shared memory is too small.
     #[error(
-        "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={enough_mib}M {}, \
-         or --shm-size={enough_mib}m of docker), remove what fills it, or use smaller images",
+        "{} has {available} bytes left, the channels need {needed}; enlarge it (mount -o remount,size={enough_mib}M \
+         {}, or docker's --shm-size={enough_mib}m), delete files there, or use smaller images",
         folder.display(), folder.display()
     )]
     SharedMemory {
@@ -83,8 +83,8 @@ pub enum TransportError {
         /// Total size that suffices, MiB.
         enough_mib: u64,
     },
-    /// Living processes have taken all places of a channel.
-    #[error("channel {channel} of instance {instance} has its {limit} {role}(s) already; stop one of them")]
+    /// The channel already has its maximum number of publishers or subscribers.
+    #[error("channel {channel} of instance {instance} already has the maximum of {limit} {role}(s); stop one of them")]
     Occupied {
         /// Name of the channel.
         channel: &'static str,
@@ -92,7 +92,7 @@ pub enum TransportError {
         instance: String,
         /// Publisher or subscriber.
         role: &'static str,
-        /// Number of places.
+        /// The maximum number.
         limit: usize,
     },
     /// This process cannot take part in the instance.
@@ -107,8 +107,8 @@ pub enum TransportError {
     },
     /// A channel cannot be used.
     #[error(
-        "channel {channel} of instance {instance}: cannot {action}: {reason}; if it was made with other settings or by \
-         another version, stop the instance and everything attached to it, and start again"
+        "channel {channel} of instance {instance}: cannot {action}: {reason}; if it was created with other settings \
+         or by another version, stop the instance and all programs attached to it, and start again"
     )]
     Channel {
         /// Name of the channel.
@@ -122,7 +122,7 @@ pub enum TransportError {
     },
     /// A payload is longer than the channel allows.
     #[error(
-        "channel {channel}: a payload of {len} elements, at most {limit} fit; the images are larger than configured"
+        "channel {channel}: a payload has {len} elements, at most {limit} fit; the images are larger than configured"
     )]
     TooLong {
         /// Name of the channel.
@@ -141,21 +141,21 @@ pub enum TransportError {
 }
 
 impl TransportError {
-    /// Whether another attempt would fail as well: names, folders or the machine must change first.
+    /// Whether another attempt would fail too, until a name, a folder or the machine is changed.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         matches!(
             self,
             Self::Name { .. }
                 | Self::PathTooLong { .. }
-                | Self::NotOurs { .. }
+                | Self::UnsafeFolder { .. }
                 | Self::AlreadyRunning { .. }
                 | Self::NotRunning { .. }
                 | Self::SharedMemory { .. }
         )
     }
 
-    /// Adds the path and the action to an error of the file system.
+    /// Returns a function that adds the path and the action to an I/O error.
     pub(super) fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { action, path, source }

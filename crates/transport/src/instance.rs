@@ -1,4 +1,4 @@
-//! An instance: its name, its folder, its prefix in shared memory.
+//! An instance: name, folder, and prefix in shared memory.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
@@ -42,8 +42,8 @@ pub struct Participant {
 }
 
 impl Instance {
-    /// The instance with this name of this user: in `$FRINGEFLOW_RUNTIME_DIR`, else in `$XDG_RUNTIME_DIR/fringeflow`,
-    /// else in `/tmp/fringeflow-UID`.
+    /// Returns the instance with this name of this user. Its runtime folder is `$FRINGEFLOW_RUNTIME_DIR`, else
+    /// `$XDG_RUNTIME_DIR/fringeflow`, else `/tmp/fringeflow-UID`.
     ///
     /// # Errors
     /// An invalid name, or a path too long for sockets.
@@ -59,7 +59,7 @@ impl Instance {
             .unwrap_or_else(|| PathBuf::from(format!("/tmp/fringeflow-{}", geteuid().as_raw())))
     }
 
-    /// The instance with this name in this runtime folder.
+    /// Returns the instance with this name in this runtime folder.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -97,24 +97,24 @@ impl Instance {
         &self.prefix
     }
 
-    /// Runtime folder that holds the instance: `FRINGEFLOW_RUNTIME_DIR` for processes that should find it.
+    /// Runtime folder of the instance. Other processes find the instance if `FRINGEFLOW_RUNTIME_DIR` is set to it.
     #[must_use]
     pub fn runtime_dir(&self) -> &Path {
         &self.runtime_dir
     }
 
-    /// The configuration of iceoryx2, as TOML, for programs in other languages.
+    /// Returns the configuration of iceoryx2 as TOML, for programs in other languages.
     ///
     /// # Errors
-    /// A path that iceoryx2 cannot express.
+    /// iceoryx2 cannot represent the path.
     pub fn external_config(&self) -> Result<String, TransportError> {
         toml::to_string(&self.config()?).map_err(|e| self.node_error(e))
     }
 
-    /// The living processes of the instance.
+    /// Lists the living processes of the instance.
     ///
     /// # Errors
-    /// They cannot be listed.
+    /// The processes cannot be listed.
     pub fn participants(&self) -> Result<Vec<Participant>, TransportError> {
         let mut found = Vec::new();
         IoxNode::<Ipc>::list(&self.config()?, |state| {
@@ -134,8 +134,8 @@ impl Instance {
         Ok(found)
     }
 
-    /// Removes the resources of dead processes, and returns how many of their ports there were. Resources that another
-    /// process is removing at the moment are skipped.
+    /// Removes the resources of dead processes, and returns the number of ports they had. Skips resources that another
+    /// process is removing.
     ///
     /// # Errors
     /// The processes cannot be listed.
@@ -151,8 +151,7 @@ impl Instance {
         Ok(cleaned)
     }
 
-    /// Creates the folders of the instance, without access for others, and refuses folders that others could tamper
-    /// with.
+    /// Creates the folders of the instance, without access for others. Refuses folders that others could tamper with.
     pub(super) fn prepare(&self) -> Result<(), TransportError> {
         create_private(&self.runtime_dir)?;
         refuse_foreign(&self.runtime_dir)?;
@@ -161,7 +160,8 @@ impl Instance {
         make_private(&self.root)
     }
 
-    /// The configuration of iceoryx2. It is complete here: no file of the user or of the working folder is read.
+    /// Configuration of iceoryx2. It is complete: iceoryx2 reads no configuration file of the user or the working
+    /// folder.
     pub(super) fn config(&self) -> Result<Config, TransportError> {
         let mut config = Config::default();
         let root = self.root.as_os_str().as_encoded_bytes();
@@ -193,23 +193,24 @@ fn create_private(folder: &Path) -> Result<(), TransportError> {
 fn refuse_foreign(folder: &Path) -> Result<(), TransportError> {
     let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
     let why = if !found.is_dir() {
-        "is no folder".to_owned()
+        "is not a folder".to_owned()
     } else if found.uid() != geteuid().as_raw() {
         format!("belongs to user {}", found.uid())
     } else if found.mode() & 0o022 != 0 {
-        format!("lets others write (mode {:04o})", found.mode() & 0o7777)
+        format!("is writable by others (mode {:04o})", found.mode() & 0o7777)
     } else {
         return Ok(());
     };
-    Err(TransportError::NotOurs { path: folder.to_owned(), why })
+    Err(TransportError::UnsafeFolder { path: folder.to_owned(), why })
 }
 
-/// Removes the permissions of group and others from our folder. iceoryx2 grants some to the group: it creates the folder
-/// again when a tool attaches while a supervisor cleans up.
+/// Removes the permissions of group and others from the folder of the instance. iceoryx2 grants some to the group if it
+/// creates the folder: when a tool attaches while a supervisor cleans up.
 fn make_private(folder: &Path) -> Result<(), TransportError> {
     let found = fs::symlink_metadata(folder).map_err(TransportError::file("examine", folder))?;
     if found.mode() & 0o077 == 0 {
         return Ok(());
     }
-    fs::set_permissions(folder, Permissions::from_mode(0o700)).map_err(TransportError::file("close", folder))
+    fs::set_permissions(folder, Permissions::from_mode(0o700))
+        .map_err(TransportError::file("restrict access to", folder))
 }

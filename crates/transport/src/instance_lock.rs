@@ -1,4 +1,4 @@
-//! The lock of an instance: one supervisor at a time, and clean-up at start and end.
+//! The lock of an instance: allows one supervisor at a time, and cleans up at start and end.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{Read, Seek, Write};
@@ -11,13 +11,13 @@ use rustix::io::Errno;
 
 use super::{Instance, TransportError, shared_memory};
 
-/// End of the name of a lock file, behind the name of the instance.
+/// Suffix of a lock file, after the name of the instance.
 const LOCK_SUFFIX: &str = ".lock";
 
-/// The right to supervise an instance.
+/// Held by the supervisor of an instance.
 ///
-/// Taking it removes the remains of a killed instance. Dropping it removes all files of the instance, unless a process
-/// that the supervisor did not start is still attached. Drop every other part of the transport first.
+/// Taking the lock removes the files of a killed instance. Dropping it removes all files of the instance, unless a
+/// process that the supervisor did not start is still attached. Drop all ports and nodes first.
 #[derive(Debug)]
 pub struct InstanceLock {
     instance: Instance,
@@ -32,7 +32,7 @@ impl InstanceLock {
     /// [`TransportError::AlreadyRunning`], or the folder of the instance cannot be used.
     pub fn take(instance: &Instance) -> Result<Self, TransportError> {
         instance.prepare()?;
-        // Beside the folder of the instance, so that removing that folder does not free the name.
+        // The file lies beside the folder of the instance, so that removing the folder does not release the lock.
         let path = instance.runtime_dir().join(format!("{}{LOCK_SUFFIX}", instance.name()));
         let file = lock_file(instance, &path)?;
         let lock = Self { instance: instance.clone(), path, _file: file };
@@ -52,7 +52,7 @@ impl InstanceLock {
         }
         let root = self.instance.root();
         match fs::remove_dir_all(root) {
-            // A process has just attached, for example `status` while the instance starts: the folder is in use.
+            // A process has just attached, for example `status` while the instance starts, and uses the folder.
             Err(e) if e.kind() == std::io::ErrorKind::DirectoryNotEmpty => Ok(()),
             result => ignore_missing(result).map_err(TransportError::file("remove", root)),
         }
@@ -62,51 +62,52 @@ impl InstanceLock {
 impl Drop for InstanceLock {
     fn drop(&mut self) {
         if let Err(error) = self.remove_unused() {
-            tracing::warn!(%error, "the instance left files behind");
+            tracing::warn!(%error, "cannot remove all files of the instance");
         }
-        // Removed while it is locked: a process that opened it before sees that the path no longer names this file.
+        // The file is removed while it is locked: a process that opened it before sees that the path no longer names
+        // this file.
         if let Err(error) = ignore_missing(fs::remove_file(&self.path)) {
             tracing::warn!(%error, path = %self.path.display(), "cannot remove the lock file");
         }
     }
 }
 
-/// An instance whose supervisor began, and has not ended in order.
+/// An instance whose supervisor has started and has not shut down cleanly.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Begun {
-    /// The instance. It runs, unless its supervisor was killed.
+pub struct StartedInstance {
+    /// The instance. It is running, unless its supervisor was killed.
     pub instance: Instance,
-    /// When its supervisor began.
+    /// When its supervisor started.
     pub since: SystemTime,
 }
 
 impl Instance {
-    /// The instances of this user that began and have not ended in order, by name.
+    /// Lists the instances of this user that have started and have not shut down cleanly, sorted by name.
     ///
     /// # Errors
     /// The runtime folder cannot be found or read.
-    pub fn begun() -> Result<Vec<Begun>, TransportError> {
-        Self::begun_under(&Self::user_runtime_dir())
+    pub fn list_started() -> Result<Vec<StartedInstance>, TransportError> {
+        Self::list_started_in(&Self::user_runtime_dir())
     }
 
-    /// [`Self::begun`] in this runtime folder.
-    pub(super) fn begun_under(runtime_dir: &Path) -> Result<Vec<Begun>, TransportError> {
+    /// [`Self::list_started`] for a runtime folder.
+    pub(super) fn list_started_in(runtime_dir: &Path) -> Result<Vec<StartedInstance>, TransportError> {
         let entries = match fs::read_dir(runtime_dir) {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
             entries => entries.map_err(TransportError::file("read", runtime_dir))?,
         };
-        let begun = |entry: fs::DirEntry| {
+        let started = |entry: fs::DirEntry| {
             let name = entry.file_name().to_str()?.strip_suffix(LOCK_SUFFIX)?.to_owned();
             let since = entry.metadata().ok()?.modified().ok()?;
-            Some(Begun { instance: Self::in_folder(runtime_dir, &name).ok()?, since })
+            Some(StartedInstance { instance: Self::in_folder(runtime_dir, &name).ok()?, since })
         };
-        let mut found: Vec<Begun> = entries.flatten().filter_map(begun).collect();
+        let mut found: Vec<StartedInstance> = entries.flatten().filter_map(started).collect();
         found.sort_by(|a, b| a.instance.name().cmp(b.instance.name()));
         Ok(found)
     }
 }
 
-/// Opens and locks the file, and writes the process into it.
+/// Opens and locks the file, and writes the process id into it.
 fn lock_file(instance: &Instance, path: &Path) -> Result<File, TransportError> {
     loop {
         let mut options = OpenOptions::new();
@@ -124,7 +125,7 @@ fn lock_file(instance: &Instance, path: &Path) -> Result<File, TransportError> {
     }
 }
 
-/// Whether the open file is the one at the path: another supervisor may have removed it just before.
+/// Whether the path still names the open file: another supervisor may have just removed it.
 fn is_file_at(file: &File, path: &Path) -> bool {
     let identity = |found: fs::Metadata| (found.dev(), found.ino());
     let (open, named) = (file.metadata().map(identity), fs::metadata(path).map(identity));

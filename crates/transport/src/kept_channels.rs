@@ -1,4 +1,4 @@
-//! Keeps all channels open.
+//! Keeps all channels of an instance open.
 
 use std::fmt::Debug;
 
@@ -10,7 +10,7 @@ use super::{
     TransportError,
 };
 
-/// Keeps every channel open while no port uses it. So drivers in other languages find the channels with the limits of
+/// Keeps every channel open while no port uses it. Drivers in other languages then find the channels with the limits of
 /// the instance, whichever process starts first.
 #[derive(Debug)]
 pub struct KeptChannels {
@@ -19,23 +19,23 @@ pub struct KeptChannels {
     open: Option<Attached<Services>>,
 }
 
-type Services = Vec<Box<dyn Kept>>;
+type Services = Vec<Box<dyn OpenService>>;
 
-/// A service that exists as long as it is held.
-trait Kept: Debug + Send {}
+/// An open service of any type. It exists as long as this value.
+trait OpenService: Debug + Send {}
 
-impl<T: Debug + Send> Kept for T {}
+impl<T: Debug + Send> OpenService for T {}
 
 impl KeptChannels {
     /// Opens all channels, or creates them.
     ///
     /// # Errors
-    /// One of them exists with other settings.
+    /// A channel exists with other settings.
     pub fn open(node: &Node, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         Ok(Self { node: node.clone(), sizes: *sizes, open: Some(open(node, sizes)?) })
     }
 
-    /// Opens the channels again if their files were removed; returns whether that was so. Called about once a second.
+    /// Opens the channels again if their files were removed. Returns whether it did. Call it about once a second.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.

@@ -1,7 +1,7 @@
-//! Channels between processes. This crate alone depends on the library behind them, iceoryx2.
+//! Channels between processes. Only this crate depends on iceoryx2, the library behind them.
 //!
-//! In: the name of an instance. Out: typed ports that exchange messages between processes without a copy:
-//! [`Publisher`], [`Subscriber`], [`ControlServer`], and [`wait_for`], which waits for several of them.
+//! In: the name of an instance. Out: typed ports that exchange messages between processes without copying:
+//! [`Publisher`], [`Subscriber`], [`ControlServer`], and [`wait_for`], which waits for several ports.
 //!
 //! ```text
 //!  Instance (name → folder, prefix in shared memory)
@@ -9,13 +9,13 @@
 //!   └─ Node            this process in the instance
 //!       ├─ Publisher ──► channel ──► Subscriber     the publisher never waits
 //!       ├─ request() ──► control ──► ControlServer
-//!       └─ KeptChannels   keeps all channels open while no port is
+//!       └─ KeptChannels   keeps all channels open while no port uses them
 //! ```
 //!
-//! A publisher never waits for a subscriber: a full buffer drops its oldest message, and the sequence numbers in the headers
-//! let the subscriber count its losses. A port may move to another thread and is used by one thread at a time. A service
-//! calls `ensure_connected` on its ports once a second: they find each other again after files of the instance were
-//! removed, or after the other side was restarted.
+//! A publisher never waits for a subscriber. If a buffer is full, its oldest message is dropped, and the subscriber
+//! counts its losses by the sequence numbers in the headers. A port may move to another thread, and is used by one
+//! thread at a time. A service calls `ensure_connected` on its ports once a second. This reconnects them after files of
+//! the instance were removed or the other process was restarted.
 //!
 //! ```
 //! use fringeflow_message::FrameHeader;
@@ -36,8 +36,8 @@
 //! ```
 //!
 //! # Drivers in other languages
-//! They need iceoryx2 0.10, the configuration [`Instance::external_config`], and the names, types and limits in
-//! [`ChannelId`]. After each message they notify the event service with the name of the channel.
+//! A driver needs iceoryx2 0.10, the configuration from [`Instance::external_config`], and the names, types and limits
+//! in [`ChannelId`]. After each message it notifies the event service with the name of the channel.
 
 mod attached;
 mod channels;
@@ -63,7 +63,7 @@ pub use channels::{
 pub use control::{ControlServer, request};
 pub use error::TransportError;
 pub use instance::{Instance, Participant};
-pub use instance_lock::{Begun, InstanceLock};
+pub use instance_lock::{InstanceLock, StartedInstance};
 pub use kept_channels::KeptChannels;
 pub use node::Node;
 pub use payload::{Header, Payload};
@@ -72,5 +72,5 @@ pub use shared_memory::{check_shared_memory, required_bytes};
 pub use subscriber::{Received, Subscriber};
 pub use wait::{WaitSource, wait_for};
 
-/// The variant of iceoryx2's services: between processes, with ports that may move to another thread.
+/// Variant of the iceoryx2 services: between processes, with ports that may move to another thread.
 type Ipc = iceoryx2::prelude::ipc_threadsafe::Service;

@@ -15,14 +15,14 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory as ChannelSe
 use super::attached::{Files, Service};
 use super::{Channel, ChannelLimits, Header, Instance, Ipc, Payload, TransportError, shared_memory};
 
-/// Ports and tools that may use a channel at once: the default of iceoryx2 for event services.
+/// Maximum number of ports and tools on a channel at once: the default of iceoryx2 for event services.
 const MAX_NODES: usize = 36;
 
-/// How long opening is retried: another process may be creating or removing the same service.
-const PATIENCE: Duration = Duration::from_millis(500);
+/// How long opening is retried. Another process may be creating or removing the same service.
+const RETRY_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Pause between two attempts.
-const PAUSE: Duration = Duration::from_millis(25);
+/// Time between two attempts.
+const RETRY_INTERVAL: Duration = Duration::from_millis(25);
 
 /// This process in an instance.
 #[derive(Clone, Debug)]
@@ -33,8 +33,8 @@ pub struct Node {
 
 /// An iceoryx2 node; each port has its own.
 ///
-/// A node that still knows a service panics when that service is created again after its files were removed. That
-/// happens while messages of the old port are held. So a port that opens again does so with a new node.
+/// An iceoryx2 node panics when a service that it still knows is created again after its files were removed. It knows a
+/// service as long as messages of the old port are held. So a port that opens again uses a new node.
 #[derive(Debug)]
 pub(super) struct Member {
     instance: Instance,
@@ -55,7 +55,7 @@ impl Node {
     /// # Errors
     /// The folder of the instance cannot be used, or iceoryx2 refuses the name.
     pub fn open(instance: &Instance, name: &str) -> Result<Self, TransportError> {
-        quieten_log();
+        limit_log_level();
         instance.prepare()?;
         NodeName::new(name).map_err(|e| instance.node_error(e))?;
         Ok(Self { instance: instance.clone(), name: name.to_owned() })
@@ -72,7 +72,7 @@ impl Node {
         let builder = NodeBuilder::new()
             .name(&name)
             .config(&self.instance.config()?)
-            // Signals belong to the services.
+            // The services handle signals themselves.
             .signal_handling_mode(SignalHandlingMode::Disabled);
         // A starting supervisor may be removing the folder.
         let create = || {
@@ -89,7 +89,7 @@ impl Member {
         &self.node
     }
 
-    /// Opens a channel, or creates it.
+    /// Opens or creates a channel.
     pub(super) fn channel<H: Header, P: Payload + ?Sized>(
         &self,
         channel: Channel<H, P>,
@@ -109,20 +109,20 @@ impl Member {
                 .subscriber_max_borrowed_samples(limits.borrowed)
                 .history_size(limits.history)
                 .max_nodes(MAX_NODES);
-            P::open(builder).map_err(|e| self.error(channel.name(), "open it", e))
+            P::open(builder).map_err(|e| self.error(channel.name(), "open the service", e))
         })?;
         let event = self.event(channel.name())?;
         let files = self.files(&service, &event)?;
         Ok(Opened { service, event, files })
     }
 
-    /// Opens the event service of a channel, or creates it. Its limits are the defaults of iceoryx2, so programs in
-    /// other languages need not state any.
+    /// Opens or creates the event service of a channel. Its limits are the defaults of iceoryx2, so programs in other
+    /// languages need not set any.
     pub(super) fn event(&self, name: &'static str) -> Result<EventService<Ipc>, TransportError> {
         let service = self.service_name(name)?;
         self.attempt(|| {
             let event = self.node.service_builder(&service).event();
-            event.open_or_create().map_err(|e| self.error(name, "open its events", e))
+            event.open_or_create().map_err(|e| self.error(name, "open the event service", e))
         })
     }
 
@@ -142,7 +142,7 @@ impl Member {
         self.attempt(|| event.listener_builder().create().map_err(|e| self.error(name, "create a listener", e)))
     }
 
-    /// Retries an action, and removes dead processes in between: they may hold the resource.
+    /// Retries an action, and removes dead processes between attempts, since they may hold the resource.
     pub(super) fn attempt<T>(&self, action: impl FnMut() -> Result<T, TransportError>) -> Result<T, TransportError> {
         retry(action, || {
             self.node.try_cleanup_dead_nodes();
@@ -150,10 +150,10 @@ impl Member {
     }
 
     pub(super) fn service_name(&self, name: &'static str) -> Result<ServiceName, TransportError> {
-        ServiceName::new(name).map_err(|e| self.error(name, "name it", e))
+        ServiceName::new(name).map_err(|e| self.error(name, "create the service name", e))
     }
 
-    /// The files through which others find this node and two services.
+    /// Returns the files through which other processes find this node and two services.
     pub(super) fn files(&self, one: &impl PortFactory, two: &impl PortFactory) -> Result<Files, TransportError> {
         let (root, prefix) = (self.instance.root(), self.instance.prefix());
         let node = root.join("nodes").join(format!("{prefix}{}.node_monitor", self.node.id().value()));
@@ -163,7 +163,7 @@ impl Member {
         ];
         let services = services.into_iter().map(|(hash, id)| {
             let description = root.join("services").join(format!("{prefix}{hash}.service"));
-            let participants = shared_memory::file_ending(prefix, &format!("_{id}.dynamic"))?;
+            let participants = shared_memory::file_with_suffix(prefix, &format!("_{id}.dynamic"))?;
             Ok(Service { description, participants })
         });
         Ok(Files::new([node]).with_services(services.collect::<Result<_, TransportError>>()?))
@@ -174,21 +174,21 @@ impl Member {
     }
 }
 
-/// Repeats `action` until it succeeds or [`PATIENCE`] has passed, with `between` between two attempts.
+/// Repeats `action` until it succeeds or [`RETRY_TIMEOUT`] has passed. Calls `between` between two attempts.
 fn retry<T>(mut action: impl FnMut() -> Result<T, TransportError>, between: impl Fn()) -> Result<T, TransportError> {
     let start = Instant::now();
     loop {
         let result = action();
-        if result.is_ok() || start.elapsed() >= PATIENCE {
+        if result.is_ok() || start.elapsed() >= RETRY_TIMEOUT {
             return result;
         }
         between();
-        std::thread::sleep(PAUSE);
+        std::thread::sleep(RETRY_INTERVAL);
     }
 }
 
-/// iceoryx2 reports through its results; its log below errors is of no use to an operator.
-fn quieten_log() {
+/// iceoryx2 returns errors as results; its log below that level does not help an operator.
+fn limit_log_level() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_log_level(LogLevel::Error));
 }

@@ -21,22 +21,22 @@ impl<H: ZeroCopySend + Debug + Default + Copy + Send + 'static> Header for H {}
 
 /// A payload: a message without a user header, or a slice with one.
 ///
-/// iceoryx2 has separate functions for both kinds. This trait joins them, so that there is one kind of port.
+/// iceoryx2 has separate functions for the two kinds. This trait unites them, so that one type of port serves both.
 pub trait Payload: IceoryxSend + Debug + 'static {
-    /// Opens the service, or creates it.
+    /// Opens or creates the service.
     #[doc(hidden)]
     fn open<H: Header>(
         builder: Builder<Self, H, Ipc>,
     ) -> Result<PortFactory<Ipc, Self, H>, PublishSubscribeOpenOrCreateError>;
 
-    /// A publisher of payloads with up to `elements` elements.
+    /// Creates a publisher of payloads with up to `elements` elements.
     #[doc(hidden)]
     fn publisher<H: Header>(
         service: &PortFactory<Ipc, Self, H>,
         elements: usize,
     ) -> Result<Publisher<Ipc, Self, H>, PublisherCreateError>;
 
-    /// The next message.
+    /// Receives the next message.
     #[doc(hidden)]
     fn receive<H: Header>(subscriber: &Subscriber<Ipc, Self, H>) -> Result<Option<Sample<Ipc, Self, H>>, ReceiveError>;
 
@@ -60,7 +60,7 @@ impl Message for WindowReport {}
 impl Message for PoseReport {}
 impl Message for ScanState {}
 
-/// Both implementations are the same text; iceoryx2's functions differ.
+/// Both implementations have the same text but call different functions of iceoryx2.
 macro_rules! implement_payload {
     ($($generic:ident: $bound:ident)?, $payload:ty, |$factory:ident, $elements:ident| $builder:expr) => {
         impl<$($generic: $bound)?> Payload for $payload {

@@ -13,7 +13,7 @@ use super::{Channel, ChannelLimits, ChannelSizes, Header, Ipc, Node, Payload, Tr
 
 /// The sending end of a channel.
 ///
-/// Sending never waits for a subscriber. When it fails, the message is lost: the caller counts it as
+/// Sending never waits for a subscriber. If it fails, the message is lost. The caller counts it as
 /// [`fringeflow_message::DropReason::NoSample`], and the next [`Self::ensure_connected`] opens the port again.
 pub struct Publisher<H: Header, P: Payload + ?Sized> {
     node: Node,
@@ -28,18 +28,18 @@ struct Port<H: Header, P: Payload + ?Sized> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
-    /// Opens the sending end, and reserves its shared memory for as long as it exists.
+    /// Opens the sending end, and reserves its shared memory.
     ///
     /// # Errors
-    /// A living publisher has the channel, shared memory is too small, or iceoryx2 refuses.
+    /// Another living publisher uses the channel, shared memory is too small, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let limits = channel.id().limits(sizes);
         let open = Some(Port::open(node, channel, &limits)?);
         Ok(Self { node: node.clone(), channel, limits, open })
     }
 
-    /// Opens the port again if its files were removed or sending failed; returns whether that was so. Called about once
-    /// a second. New subscribers receive the history of a channel with this call, or with the next message.
+    /// Opens the port again if its files were removed or sending failed. Returns whether it did. Call it about once a
+    /// second: new subscribers receive the history of the channel during this call or with the next message.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
@@ -99,11 +99,11 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
         self.finish_send(result)
     }
 
-    /// Sends `len` zeroed elements after `fill` has filled them in place, with the header that it returns. Sends
-    /// nothing where it fails.
+    /// Sends `len` zeroed elements after `fill` has filled them in place, with the header that `fill` returns. Sends
+    /// nothing if `fill` fails.
     ///
     /// # Errors
-    /// As [`Self::send`]; the inner error is that of `fill`.
+    /// As [`Self::send`]. The inner error is that of `fill`.
     pub fn try_send_filled<R>(
         &mut self,
         len: usize,
@@ -188,7 +188,7 @@ impl<H: Header, P: Payload + ?Sized> Port<H, P> {
         shared_memory::reserve(node.instance().prefix())?;
         let mut files = opened.files;
         let messages = format!("_{}.data", publisher.id().value());
-        files.extend(Files::new([shared_memory::file_ending(node.instance().prefix(), &messages)?]));
+        files.extend(Files::new([shared_memory::file_with_suffix(node.instance().prefix(), &messages)?]));
         Ok(Attached::new(Self { publisher, notifier }, files))
     }
 }

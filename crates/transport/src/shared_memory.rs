@@ -1,7 +1,7 @@
-//! Shared memory: the channels' need, the free space, and its reservation.
+//! Shared memory: required bytes, free bytes, and reservation.
 //!
-//! Files in shared memory are created sparse. Without a reservation, writing a message into a full file system kills
-//! the process.
+//! Files in shared memory are created sparse. Without a reservation, writing a message while the file system is full
+//! kills the process.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -15,22 +15,22 @@ use super::{ChannelId, ChannelLimits, ChannelSizes, TransportError};
 /// Folder of shared memory on Linux.
 pub(super) const FOLDER: &str = "/dev/shm";
 
-/// Bytes that iceoryx2 puts before user header and payload, including alignment.
+/// Bytes that iceoryx2 stores before the user header and the payload, including alignment.
 const HEADER_BYTES: usize = 128;
 
-/// Bookkeeping of a publisher for each subscriber: list of free messages and a connection, in whole pages.
+/// Bytes of bookkeeping for each subscriber of a publisher: the list of free messages and a connection, in whole pages.
 const CONNECTION_BYTES: usize = 16 << 10;
 
-/// Bookkeeping of a channel: its participants, and the events of each listener.
+/// Bytes of bookkeeping for each channel: its participants, and the events of each listener.
 const SERVICE_BYTES: usize = 256 << 10;
 
-/// Publishers of stage reports in a running instance.
-const REPORTERS: usize = 10;
+/// Number of publishers of stage reports in a running instance.
+const STAGE_REPORT_PUBLISHERS: usize = 10;
 
-/// Bytes of shared memory that an instance needs when each of its channels has a publisher.
+/// Bytes of shared memory that an instance needs if each of its channels has a publisher.
 #[must_use]
 pub fn required_bytes(sizes: &ChannelSizes) -> u64 {
-    let publishers = |id| if id == ChannelId::ReportStage { REPORTERS as u64 } else { 1 };
+    let publishers = |id| if id == ChannelId::ReportStage { STAGE_REPORT_PUBLISHERS as u64 } else { 1 };
     let channels = ChannelId::ALL.into_iter();
     channels.map(|id| publishers(id) * publisher_bytes(&id.limits(sizes)) + SERVICE_BYTES as u64).sum()
 }
@@ -38,14 +38,15 @@ pub fn required_bytes(sizes: &ChannelSizes) -> u64 {
 /// Checks that the free shared memory suffices for the channels.
 ///
 /// # Errors
-/// [`TransportError::SharedMemory`], with the needed and the available bytes.
+/// [`TransportError::SharedMemory`], with the required and the available bytes.
 pub fn check_shared_memory(sizes: &ChannelSizes) -> Result<(), TransportError> {
     check_free(required_bytes(sizes))
 }
 
 /// Bytes of one publisher and its connections.
 pub(super) fn publisher_bytes(limits: &ChannelLimits) -> u64 {
-    // Every subscriber may have a full buffer and hold all the messages it may; one more message is being written.
+    // At worst, every subscriber has a full buffer and holds as many messages as allowed, and one more message is being
+    // written.
     let messages = limits.subscribers * (limits.buffer + limits.borrowed) + limits.history + 1;
     let message = HEADER_BYTES + limits.header_bytes + limits.elements * limits.element_bytes;
     (messages * message + limits.subscribers * CONNECTION_BYTES) as u64
@@ -92,10 +93,11 @@ fn reserve_file(path: &Path) -> io::Result<()> {
     Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, found.len())?)
 }
 
-/// The file of an instance whose name has this ending. If it has just been removed: a path that does not exist.
-pub(super) fn file_ending(prefix: &str, end: &str) -> Result<PathBuf, TransportError> {
-    let found = files(prefix)?.into_iter().find(|file| file.to_string_lossy().ends_with(end));
-    Ok(found.unwrap_or_else(|| Path::new(FOLDER).join(format!("{prefix}{end}"))))
+/// Returns the file of an instance whose name has this suffix, or a path that does not exist if the file has just been
+/// removed.
+pub(super) fn file_with_suffix(prefix: &str, suffix: &str) -> Result<PathBuf, TransportError> {
+    let found = files(prefix)?.into_iter().find(|file| file.to_string_lossy().ends_with(suffix));
+    Ok(found.unwrap_or_else(|| Path::new(FOLDER).join(format!("{prefix}{suffix}"))))
 }
 
 /// The files of an instance in shared memory.
@@ -119,7 +121,7 @@ mod tests {
         assert_eq!(
             refused,
             "/m has 8388608 bytes left, the channels need 104857600; enlarge it (mount -o remount,size=156M /m, or \
-             --shm-size=156m of docker), remove what fills it, or use smaller images"
+             docker's --shm-size=156m), delete files there, or use smaller images"
         );
     }
 

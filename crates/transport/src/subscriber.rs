@@ -10,14 +10,15 @@ use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateEr
 use iceoryx2::sample::Sample;
 
 use super::attached::Attached;
-use super::wait::Listening;
+use super::wait::{Listening, WaitSource};
 use super::{Channel, ChannelLimits, ChannelSizes, Header, Ipc, Node, Payload, TransportError, shared_memory};
 
-/// Silence after which a subscriber opens its port again.
-const HEARTBEAT_NS: u64 = 3_000_000_000;
+/// Time without a message after which a subscriber opens its port again.
+const MIN_SILENCE_NS: u64 = 3_000_000_000;
 
-/// Longest time between two such attempts. The time doubles with each, since idle channels are silent for hours.
-const MAX_PATIENCE_NS: u64 = 60_000_000_000;
+/// Longest time between two such attempts. The time doubles with each attempt, since idle channels are silent for
+/// hours.
+const MAX_SILENCE_NS: u64 = 60_000_000_000;
 
 /// The receiving end of a channel.
 pub struct Subscriber<H: Header, P: Payload + ?Sized> {
@@ -35,7 +36,7 @@ struct Port<H: Header, P: Payload + ?Sized> {
 
 /// A received message. It stays unchanged in shared memory as long as this value exists.
 pub struct Received<H: Header, P: Payload + ?Sized> {
-    // Dropped before the port: only a registered port keeps the publisher from writing the next message here.
+    // Dropped before the port: the publisher reuses this memory as soon as no registered port holds it.
     sample: Sample<Ipc, P, H>,
     _port: Arc<Attached<Port<H, P>>>,
 }
@@ -45,25 +46,25 @@ pub struct Received<H: Header, P: Payload + ?Sized> {
 struct Silence {
     has_received: bool,
     since_ns: Option<u64>,
-    patience_ns: u64,
+    limit_ns: u64,
 }
 
 impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// Opens the receiving end.
     ///
     /// # Errors
-    /// The channel has no place for another subscriber, or iceoryx2 refuses.
+    /// The channel has its maximum number of subscribers, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let limits = channel.id().limits(sizes);
         let open = Some(Port::open(node, channel, &limits)?);
         Ok(Self { node: node.clone(), channel, limits, open, silence: Silence::new() })
     }
 
-    /// The oldest waiting message; `None` if there is none. After a wake-up, receive until `None`.
+    /// Returns the oldest waiting message, or `None`. After a wake-up, call it until it returns `None`.
     ///
     /// # Errors
-    /// The caller holds as many messages as it may, or the connection broke; then the next [`Self::ensure_connected`]
-    /// opens the port again.
+    /// The caller holds as many messages as allowed, or the connection broke. After a broken connection, the next
+    /// [`Self::ensure_connected`] opens the port again.
     pub fn receive(&mut self) -> Result<Option<Received<H, P>>, TransportError> {
         let Some(open) = &self.open else { return Ok(None) };
         match P::receive(&open.subscriber) {
@@ -80,13 +81,13 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         }
     }
 
-    /// Tells the port that nothing was sent: the silence up to now is no sign of a lost connection.
+    /// Declares that the publisher had nothing to send, so the silence up to now does not indicate a lost connection.
     pub fn forgive_silence(&mut self) {
         self.silence.has_received = true;
     }
 
-    /// Opens the port again if its files were removed, or after a long silence; returns whether that was so. Called
-    /// about once a second. Messages that are held stay valid.
+    /// Opens the port again if its files were removed, or after a long silence. Returns whether it did. Call it about
+    /// once a second. Held messages stay valid.
     ///
     /// # Errors
     /// As [`Self::open`]; the next call tries again.
@@ -95,8 +96,8 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         let renew = match &self.open {
             None => true,
             Some(open) if !open.is_current() => true,
-            // The old port stays while messages are held: there might be no place for a second one. Waiting messages are no
-            // silence: the caller has not received them yet.
+            // Keep the old port while messages are held: the channel may not allow a second one. A waiting message is
+            // no silence: the caller has just not received it yet.
             Some(open) => is_silent && Arc::strong_count(open) == 1 && !open.subscriber.has_samples().unwrap_or(false),
         };
         if renew {
@@ -108,6 +109,8 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
         Ok(renew)
     }
 }
+
+impl<H: Header, P: Payload + ?Sized> WaitSource for Subscriber<H, P> {}
 
 impl<H: Header, P: Payload + ?Sized> Listening for Subscriber<H, P> {
     fn listener(&self) -> Option<&Listener<Ipc>> {
@@ -123,7 +126,7 @@ impl<H: Header, P: Payload + ?Sized> Port<H, P> {
     ) -> Result<Arc<Attached<Self>>, TransportError> {
         let member = node.member()?;
         let opened = member.channel(channel, limits)?;
-        // Before the subscriber: no message may arrive without an event.
+        // The listener comes before the subscriber, so that no message arrives without an event.
         let listener = member.listener(channel.name(), &opened.event)?;
         let subscriber = member.attempt(|| {
             opened.service.subscriber_builder().create().map_err(|e| match e {
@@ -165,19 +168,19 @@ impl<H: Header, P: Payload + ?Sized> Deref for Received<H, P> {
 
 impl Silence {
     fn new() -> Self {
-        Self { has_received: false, since_ns: None, patience_ns: HEARTBEAT_NS }
+        Self { has_received: false, since_ns: None, limit_ns: MIN_SILENCE_NS }
     }
 
-    /// Whether the silence exceeds the patience, which then doubles.
+    /// Whether the silence has reached the limit. If so, the limit doubles.
     fn is_too_long(&mut self, now_ns: u64) -> bool {
         if std::mem::take(&mut self.has_received) {
             *self = Self { since_ns: Some(now_ns), ..Self::new() };
         }
         let since_ns = *self.since_ns.get_or_insert(now_ns);
-        let too_long = now_ns.saturating_sub(since_ns) >= self.patience_ns;
+        let too_long = now_ns.saturating_sub(since_ns) >= self.limit_ns;
         if too_long {
-            let patience_ns = (2 * self.patience_ns).min(MAX_PATIENCE_NS);
-            *self = Self { since_ns: Some(now_ns), patience_ns, ..*self };
+            let limit_ns = (2 * self.limit_ns).min(MAX_SILENCE_NS);
+            *self = Self { since_ns: Some(now_ns), limit_ns, ..*self };
         }
         too_long
     }

@@ -1,6 +1,6 @@
 //! Waiting for messages of several channels at once.
 
-// iceoryx2 has no safe way to borrow a descriptor; only `descriptor` uses it.
+// iceoryx2 has no safe way to borrow a file descriptor. Only the function `descriptor` uses unsafe code.
 #![allow(unsafe_code)]
 
 use std::os::fd::BorrowedFd;
@@ -11,7 +11,7 @@ use iceoryx2::prelude::FileDescriptorBased;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use super::{ControlServer, Header, Ipc, Payload, Subscriber, TransportError};
+use super::{Ipc, TransportError};
 
 /// Longest sleep while all ports are closed, so that the caller can open them again.
 const CLOSED_PORT_PAUSE: Duration = Duration::from_millis(100);
@@ -20,19 +20,17 @@ const CLOSED_PORT_PAUSE: Duration = Duration::from_millis(100);
 #[allow(private_bounds)]
 pub trait WaitSource: Listening {}
 
-impl<H: Header, P: Payload + ?Sized> WaitSource for Subscriber<H, P> {}
-impl WaitSource for ControlServer {}
-
 /// The listener of a port; `None` while the port is closed.
 pub(super) trait Listening {
     fn listener(&self) -> Option<&Listener<Ipc>>;
 }
 
-/// Waits for any of the ports until a message may have come, a signal arrived, or `timeout` is over. Wake-ups do not
-/// match messages one to one: afterwards, receive until `None` on every port, and check the flags that signals set.
+/// Waits until a message may have arrived on any of the ports, a signal arrived, or `timeout` has passed. Wake-ups do
+/// not match messages one to one. Afterwards, call `receive` on every port until it returns `None`, and check the flags
+/// that signals set.
 ///
-/// It costs one system call, and one or two more for each port with an event. The ports are passed anew each time,
-/// because any of them may have been opened again, and a `WaitSet` of iceoryx2 takes eight system calls to add and
+/// The cost is one system call, and one or two more for each port with an event. The ports are passed on each call
+/// because any of them may have been opened again, and a `WaitSet` of iceoryx2 needs eight system calls to add and
 /// remove a port.
 ///
 /// # Errors
@@ -55,7 +53,7 @@ pub fn wait_for(ports: &[&dyn WaitSource], timeout: Duration) -> Result<(), Tran
             return Err(wait_error("a port has no descriptor"));
         }
         if !events.is_empty() {
-            // An event that cannot be taken is still there at the next wait.
+            // If the event cannot be read, it ends the next wait as well.
             let _ = listener.try_wait(|_| {});
         }
     }
@@ -64,8 +62,8 @@ pub fn wait_for(ports: &[&dyn WaitSource], timeout: Duration) -> Result<(), Tran
 
 /// The descriptor that signals the events of a listener.
 fn descriptor(listener: &Listener<Ipc>) -> BorrowedFd<'_> {
-    // SAFETY: the listener keeps its descriptor open while it lives, and is borrowed for as long as the result. Nobody
-    // closes it meanwhile, since only `poll` gets the number.
+    // SAFETY: the listener keeps its descriptor open while it lives, and is borrowed for as long as the result. Nothing
+    // closes the descriptor in the meantime, since only `poll` gets the number.
     unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) }
 }
 

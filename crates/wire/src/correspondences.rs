@@ -1,9 +1,9 @@
 //! Correspondences of all pixels of C1.
 //!
-//! Planes: column of q in the epipolar frame `f32`, modulation `u16`, fringe order `i16`, δ `i16` (turns · 65536), slope of
-//! the phase `i16` (turns · 65536 per column), confidence `u16` (probability · 65535), outcome `u8`, number of candidates
-//! that passed the back-projection test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero for pixels without
-//! a correspondence.
+//! Planes: column of q in the epipolar frame `f32`, modulation `u16`, fringe order `i16`, δ `i16` (turns · 65536),
+//! slope of the phase `i16` (turns · 65536 per column), confidence `u16` (probability · 65535), outcome `u8`, number of
+//! candidates that passed the back-projection test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero for
+//! pixels without a correspondence.
 
 use fringeflow::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
 use fringeflow::phase::Modulation;
@@ -13,13 +13,13 @@ use fringeflow_message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
 use super::{WireError, checked_pixels, drift};
 
-/// Blocks of the payload for images of `pixels` pixels.
+/// Number of blocks of the payload for images of `pixels` pixels.
 #[must_use]
 pub const fn blocks(pixels: usize) -> usize {
     blocks_of::<f32>(pixels) + 5 * blocks_of::<i16>(pixels) + 3 * blocks_of::<u8>(pixels)
 }
 
-/// The header of correspondences made from `window`.
+/// Creates the header of the correspondences computed from `window`.
 #[must_use]
 pub fn header(found: &Correspondences, window: &Window, published: u64) -> CorrespondenceHeader {
     let delta = &found.matches.delta;
@@ -42,7 +42,7 @@ pub fn header(found: &Correspondences, window: &Window, published: u64) -> Corre
     }
 }
 
-/// The histogram of δ for a header; missing bins are zero.
+/// Returns the histogram of δ for a header; missing bins are zero.
 pub(super) fn delta_counts(matches: &Matches) -> [u32; DELTA_PARTS] {
     std::array::from_fn(|part| matches.delta_counts.get(part).copied().unwrap_or(0))
 }
@@ -80,7 +80,7 @@ pub fn write(found: &Correspondences, mut out: &mut [Block]) {
 /// Reads correspondences from a payload.
 ///
 /// # Errors
-/// [`WireError`]; `out` is unchanged then.
+/// [`WireError`]; `out` is then unchanged.
 pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Correspondences) -> Result<(), WireError> {
     let pixels = checked_pixels(rest, [header.width_px, header.height_px], blocks)?;
     let planes = Planes {
@@ -94,7 +94,7 @@ pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Corresp
         passing: next_plane(&mut rest, pixels),
         mean: next_plane(&mut rest, pixels),
     };
-    // A table, since this runs for every pixel.
+    // A table lookup, because this runs for every pixel.
     let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::from_code(code as u8));
     let outcome = |&code: &u8| known[usize::from(code)];
     if let Some(pixel) = planes.outcome.iter().position(|code| outcome(code).is_none()) {
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn correspondences_read_back_as_written() {
+    fn correspondences_survive_a_round_trip() {
         let found = found();
         let mut payload = vec![Block([0xff; 64]); blocks(35)];
         write(&found, &mut payload);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn an_outcome_that_does_not_exist_is_refused() {
+    fn an_unknown_outcome_is_refused() {
         let found = found();
         let mut payload = vec![Block([0; 64]); blocks(35)];
         write(&found, &mut payload);

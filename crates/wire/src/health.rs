@@ -1,24 +1,24 @@
-//! Health of the scanner: the measures of a window, and the health as a report.
+//! Health of the scanner: the measured quantities of a window, and the health as a report.
 
 use fringeflow::worker::Correspondences;
 use fringeflow_message::{Fit, GAUGES, HealthReport, MapsHeader};
 use fringeflow_telemetry::health::{Health, Measures, Quantity};
 
-// Each quantity has a place in a report.
+// A report has an entry for each quantity.
 const _: () = assert!(Quantity::ALL.len() <= GAUGES);
 
-/// Above this motion of the phase, rad per image, the motion dominates δ and hides the calibration.
+/// If the phase moves faster than this, rad per image, the motion dominates δ and hides the calibration.
 const MAX_STEADY_RAD: f64 = 0.4;
 
-/// The measures of a window: phase maps with this header, and their correspondences. `is_in_step` says whether the images
-/// are known to show the declared phase shifts, see [`crate::in_step`].
+/// Returns the measured quantities of a window, from the header of its phase maps and its correspondences. `is_in_step`
+/// states whether the images are known to show the declared phase shifts, see [`crate::in_step`].
 #[must_use]
 pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
     let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
-    // A drift that few pixels agree with describes the scene.
+    // A drift describes the scene, not the calibration, if few pixels agree with it.
     let drift = matches.drift.as_ref().filter(|drift| drift.explains_most_pixels());
-    // After a slip the images of a pair show different moments, and fast motion differs between the cameras. Neither is an
-    // error of the calibration.
+    // After a slip, the images of a pair show different moments. During fast motion, the motion differs between the
+    // cameras. Neither is an error of the calibration.
     let motion = cameras.iter().filter_map(|fit| with_motion(fit)).map(|fit| f64::from(fit.fast_motion_rad));
     let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= MAX_STEADY_RAD;
     let drift = drift.filter(|_| is_steady);
@@ -51,7 +51,7 @@ pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: b
     })
 }
 
-/// The health as a report.
+/// Converts the health to a report.
 #[must_use]
 pub fn health_report(health: &Health) -> HealthReport {
     let mut report = HealthReport::default();
@@ -69,7 +69,7 @@ fn harmonics(fit: &Fit) -> Option<f64> {
     measured.map(f64::from).reduce(f64::hypot)
 }
 
-/// The fit, if motion was measured.
+/// Returns the fit if motion was measured.
 fn with_motion(fit: &Fit) -> Option<&Fit> {
     (fit.fast_motion_rad >= 0.0).then_some(fit)
 }
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn each_quantity_is_that_of_its_camera_or_the_greater_of_both() {
+    fn each_quantity_is_that_of_its_camera_or_the_maximum_of_both() {
         let cam2 = Fit { third_harmonic_share: 0.04, saturated_pixels: 0, fast_motion_rad: 0.375, ..fit() };
         let maps = MapsHeader { cam1: fit(), cam2, skew_ns: -2_500_000, ..MapsHeader::default() };
         let mut found = Correspondences::default();
@@ -135,12 +135,16 @@ mod tests {
             (Quantity::Unexplained, 0.1),
             (Quantity::FalseCandidates, 0.047_746),
         ] {
-            assert!((value(quantity) - expected).abs() < 1e-6, "{quantity:?}: {} for {expected}", value(quantity));
+            assert!(
+                (value(quantity) - expected).abs() < 1e-6,
+                "{quantity:?}: {} instead of {expected}",
+                value(quantity)
+            );
         }
     }
 
     #[test]
-    fn slips_and_fast_motion_are_no_drift_of_the_calibration() {
+    fn slips_and_fast_motion_are_not_reported_as_a_drift_of_the_calibration() {
         let of_calibration =
             [Quantity::Drift, Quantity::DeltaSd, Quantity::DeltaNoise, Quantity::DeltaMean, Quantity::FalseCandidates];
         let measures = |fast_motion_rad: f32, slip_steps: [usize; 2]| {
@@ -162,7 +166,7 @@ mod tests {
         };
         let out_of_step = health_measures(&MapsHeader::default(), &found, false);
         assert!(of_calibration.iter().all(|&quantity| out_of_step[quantity as usize].is_none()));
-        // Without measured motion the scene is at rest.
+        // If motion is not measured, the scene counts as steady.
         assert_eq!(measures(-1.0, [0, 0]), [true; 5]);
     }
 

@@ -1,12 +1,12 @@
-//! Results of the measurement as messages, and back.
+//! Conversion of the results of the measurement to messages and back.
 //!
 //! ```text
-//!  payload │ plane │ plane │ … │      one value a pixel, row by row
+//!  payload │ plane │ plane │ … │      one value per pixel, row by row
 //!          │←block→│               every plane starts at a Block of 64 bytes
 //! ```
 //!
-//! [`maps`] and [`correspondences`] list their planes in order. A payload from another process is checked: a wrong length or
-//! an invalid value is a [`WireError`].
+//! The planes are listed in [`maps`] and [`correspondences`], in their order. A payload from another process is
+//! checked: a wrong length or an invalid value is a [`WireError`].
 //!
 //! ```
 //! use fringeflow::phase::{Modulation, PhaseMap};
@@ -40,7 +40,7 @@ pub mod window_report;
 
 use fringeflow_message::Block;
 
-/// Why a payload was refused.
+/// Why a payload is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum WireError {
     /// The payload does not have the length that its header states.
@@ -56,7 +56,7 @@ pub enum WireError {
         height_px: u32,
     },
     /// A pixel has an unknown outcome.
-    #[error("pixel {pixel} has the outcome {code}, which does not exist")]
+    #[error("pixel {pixel} has the unknown outcome {code}")]
     Outcome {
         /// Index of the pixel.
         pixel: usize,
@@ -65,7 +65,7 @@ pub enum WireError {
     },
 }
 
-/// Checks the length of a payload; the number of pixels.
+/// Checks the length of a payload and returns the number of pixels.
 fn checked_pixels(payload: &[Block], size_px: [u32; 2], blocks: impl Fn(usize) -> usize) -> Result<usize, WireError> {
     let [width_px, height_px] = size_px;
     let pixels = (width_px as usize).checked_mul(height_px as usize).unwrap_or(usize::MAX / 64);

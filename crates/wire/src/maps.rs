@@ -7,13 +7,14 @@ use fringeflow_message::{Block, Fit, MapsHeader, Window};
 use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
 use super::{WireError, checked_pixels, drift};
 
-/// Blocks of the payload for images of `pixels` pixels.
+/// Number of blocks of the payload for images of `pixels` pixels.
 #[must_use]
 pub const fn blocks(pixels: usize) -> usize {
     2 * (2 * blocks_of::<u16>(pixels) + 2 * blocks_of::<u8>(pixels))
 }
 
-/// The header of maps made from `window`. The images of camera 2 started `skew_ns` after those of camera 1.
+/// Creates the header of the maps computed from `window`. The images of camera 2 started `skew_ns` after those of
+/// camera 1.
 #[must_use]
 pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -> MapsHeader {
     MapsHeader {
@@ -73,7 +74,7 @@ pub fn view<'a>(header: &MapsHeader, mut payload: &'a [Block]) -> Result<[MapVie
 /// Reads maps from a payload.
 ///
 /// # Errors
-/// [`WireError::Length`]; `out` is unchanged then.
+/// [`WireError::Length`]; `out` is then unchanged.
 pub fn read(header: &MapsHeader, payload: &[Block], out: &mut PhasePair) -> Result<(), WireError> {
     let [cam1, cam2] = view(header, payload)?;
     for (map, view, fit) in [(&mut out.cam1, cam1, &header.cam1), (&mut out.cam2, cam2, &header.cam2)] {
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_read_back_as_written() {
+    fn maps_survive_a_round_trip() {
         // With 35 pixels no plane ends at the end of a block.
         let maps =
             PhasePair { cam1: map(7, 5, 1), cam2: map(7, 5, 2), known_drift: KnownDrift::from_numbers([0.5; _]) };

@@ -1,4 +1,4 @@
-//! Priors as messages, and the choice of the prior of a window.
+//! Priors as messages, and the choice of the prior for a window.
 
 use std::collections::VecDeque;
 
@@ -14,33 +14,33 @@ pub struct Priors {
     kept: VecDeque<(PriorHeader, Option<Prior>)>,
 }
 
-/// Why a message was not taken as a prior.
+/// Why a message was not accepted as a prior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PriorError {
-    /// The payload does not have the size of the header, or a number is not finite.
+    /// The payload does not have the size that the header states, or a number is not finite.
     #[error("the prior contradicts itself and is ignored")]
     Contradiction,
     /// An earlier prior has the same number.
-    #[error("two priors have one number; the second is ignored")]
+    #[error("two priors have the same number; the second is ignored")]
     Repeated,
 }
 
-/// The prior that a window was decoded with.
+/// The prior that was used to decode a window.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WindowPrior<'a> {
     /// This prior and its age; `None` if the window was decoded without one.
     Used(Option<(&'a Prior, Moment)>),
-    /// A prior that is not there.
+    /// The prior is not available.
     Missing,
 }
 
 impl Priors {
-    /// Takes the message of a prior. Of two priors with the same number the first counts.
+    /// Adds the prior of a message. If two priors have the same number, the first one counts.
     ///
     /// # Errors
-    /// [`PriorError`]; the message is ignored then.
+    /// [`PriorError`]; the message is then ignored.
     pub fn push(&mut self, header: &PriorHeader, payload: &[u8]) -> Result<(), PriorError> {
-        if !is_whole(header, payload) {
+        if !is_consistent(header, payload) {
             return Err(PriorError::Contradiction);
         }
         if self.with_number(header.published).is_some() {
@@ -50,18 +50,18 @@ impl Priors {
         Ok(())
     }
 
-    /// Forgets all but the last `count` priors.
+    /// Removes all but the last `count` priors.
     pub fn keep_last(&mut self, count: usize) {
         self.kept.drain(..self.kept.len().saturating_sub(count));
     }
 
-    /// Whether there are none.
+    /// Whether there are no priors.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
 
-    /// The prior that a window was decoded with.
+    /// Returns the prior that was used to decode a window.
     #[must_use]
     pub fn used_by(&self, window: &Window) -> WindowPrior<'_> {
         let Some(number) = window.prior_number() else { return WindowPrior::Used(None) };
@@ -71,8 +71,9 @@ impl Priors {
         }
     }
 
-    /// Number of the last prior that a window may take if its last image arrived at `received_ns`, and that prior with its
-    /// age, if it says anything. Priors that arrived since do not matter, so a replay chooses the same one.
+    /// Returns the number of the last prior that a window may use if its last image arrived at `received_ns`, and that
+    /// prior with its age, if the message contains one. Priors that arrived later do not matter, so a replay chooses
+    /// the same one.
     #[must_use]
     pub fn last_settled(&self, received_ns: u64, times: &WindowTimes) -> Option<(u64, Option<(&Prior, Moment)>)> {
         let (header, prior) = self.kept.iter().rev().find(|(header, _)| header.is_settled_at(received_ns))?;
@@ -84,20 +85,20 @@ impl Priors {
     }
 }
 
-/// A prior with its age in a window.
+/// Adds the age of a prior in a window.
 fn aged<'a>(header: &PriorHeader, prior: Option<&'a Prior>, times: &WindowTimes) -> Option<(&'a Prior, Moment)> {
     prior.map(|prior| (prior, times.moment_after(header.centre_ns)))
 }
 
-/// Times of the images of a window.
+/// Returns the times of the images of a window.
 #[must_use]
 pub fn window_times(window: &Window) -> WindowTimes {
     let exposures_ns = [window.first_exposure_ns, window.last_exposure_ns];
     WindowTimes { exposures_ns, images: window.images as usize }
 }
 
-/// Makes the message of a prior after the cloud of a report: the header, and the coarse depth as the payload in `out`.
-/// Without a prior the message says nothing.
+/// Creates the message with the prior after the cloud of a report: returns the header and writes the coarse depth to
+/// `out` as the payload. If there is no prior, the payload is empty.
 #[must_use]
 pub fn encode(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> PriorHeader {
     out.clear();
@@ -122,10 +123,10 @@ pub fn encode(prior: Option<Prior>, report: &PoseReport, out: &mut Vec<u8>) -> P
     }
 }
 
-/// The prior of a message; `None` if the message says nothing or contradicts itself.
+/// Returns the prior of a message; `None` if the message contains none or contradicts itself.
 #[must_use]
 pub fn decode(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
-    if !is_whole(header, payload) || payload.is_empty() {
+    if !is_consistent(header, payload) || payload.is_empty() {
         return None;
     }
     let size_px = [header.width_px, header.height_px].map(|length| length as usize);
@@ -137,12 +138,12 @@ pub fn decode(header: &PriorHeader, payload: &[u8]) -> Option<Prior> {
 
 /// Whether the payload has the size that the header states, and all numbers are finite.
 #[must_use]
-pub fn is_whole(header: &PriorHeader, payload: &[u8]) -> bool {
+pub fn is_consistent(header: &PriorHeader, payload: &[u8]) -> bool {
     let is_finite = header.velocity_m_s.iter().chain(&header.rate_rad_s).all(|value| value.is_finite());
     is_finite && payload.len() == payload_bytes([header.width_px, header.height_px].map(|length| length as usize))
 }
 
-/// Bytes of the payload for images of a size.
+/// Size of the payload for images of a size, bytes.
 #[must_use]
 pub fn payload_bytes(size_px: [usize; 2]) -> usize {
     let [columns, rows] = Relief::cell_counts(size_px);
@@ -158,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_takes_the_last_prior_settled_before_its_last_image() {
+    fn a_window_uses_the_last_prior_settled_before_its_last_image() {
         let mut priors = Priors::default();
         (0..3).for_each(|number| priors.push(&header(number, 10_000_000 * number), &[]).unwrap());
         let times = window_times(&Window::default());
@@ -167,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_priors_with_one_number_the_first_counts() {
+    fn if_two_priors_have_the_same_number_the_first_counts() {
         let mut priors = Priors::default();
         priors.push(&header(4, 0), &[]).unwrap();
         assert_eq!(priors.push(&header(4, 9), &[]), Err(PriorError::Repeated));

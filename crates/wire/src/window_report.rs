@@ -1,4 +1,4 @@
-//! Figures of a window.
+//! The report on the quality of a window.
 
 use std::f64::consts::TAU;
 
@@ -10,8 +10,8 @@ use fringeflow_telemetry::health::Health;
 use super::correspondences::delta_counts;
 use super::health::health_report;
 
-/// The report on the correspondences of phase maps with this header. They are number `published` of their channel, and
-/// `health` already includes them.
+/// Creates the report on a window, from the header of its phase maps and its correspondences. The correspondences have
+/// the number `published` in their channel, and `health` already includes them.
 #[must_use]
 pub fn window_report(maps: &MapsHeader, found: &Correspondences, published: u64, health: &Health) -> WindowReport {
     let (matches, delta) = (&found.matches, &found.matches.delta);
@@ -50,7 +50,7 @@ fn drift_report(drift: &Drift) -> DriftReport {
     }
 }
 
-/// Median of δ over the chosen candidates, rad; 0 without any.
+/// Median of δ over the chosen candidates, rad; 0 if there are none.
 fn median_rad(matches: &Matches) -> f64 {
     // Counting a million values is faster than sorting them.
     let mut counts = vec![0_u32; 1 << u16::BITS];
@@ -68,8 +68,8 @@ fn median_rad(matches: &Matches) -> f64 {
         below += count;
         below > found / 2
     };
-    let place = counts.iter().position(reaches_middle).unwrap_or(0);
-    (place as f64 + f64::from(i16::MIN)) / 65536.0 * TAU
+    let index = counts.iter().position(reaches_middle).unwrap_or(0);
+    (index as f64 + f64::from(i16::MIN)) / 65536.0 * TAU
 }
 
 #[cfg(test)]
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_has_the_drift_and_the_health() {
+    fn a_report_contains_the_drift_and_the_health() {
         let mut found = Correspondences::default();
         let drift = found.matches.drift.insert(Drift::default());
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Announces phase-shifted fringes to Fringeflow, as the driver of a projector would.
+"""Announces phase-shifted fringes to Fringeflow, like the driver of a projector.
 
     pip install iceoryx2==0.10.0
     python driver.py demo --steps 4 --period-px 16 --rate-hz 30
 
-It follows the channel `control/state`: it shows patterns while the scanner is to scan. With --start, --record FILE or
---mark TEXT it asks for that first, with --stop at its end. The contract is docs/projector-driver.md. A real driver shows
-pattern `step` where this one says so.
+It follows the channel `control/state` and shows patterns while the instance should scan. --start, --record FILE and
+--mark TEXT send these requests at the start, --stop at the end. docs/projector-driver.md is the contract. A real driver
+would show pattern `step` in `Driver.announce`.
 """
 
 import argparse
@@ -19,11 +19,11 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-# --- Messages: the structs of include/fringeflow.h. ---------------------------------------------------------------------
+# --- Messages: the structs of include/fringeflow.h. -------------------------------------------------------------------
 
 
 class PatternEvent(ctypes.Structure):
-    """One pattern; times in nanoseconds of CLOCK_MONOTONIC."""
+    """One pattern. Times are nanoseconds of CLOCK_MONOTONIC."""
 
     _fields_ = [
         ("session", ctypes.c_uint64),
@@ -49,7 +49,7 @@ class Text(ctypes.Structure):
 
 
 class ScanState(ctypes.Structure):
-    """What the instance is to do."""
+    """The state that the instance should have."""
 
     _fields_ = [
         ("revision", ctypes.c_uint64),
@@ -67,7 +67,7 @@ class ScanState(ctypes.Structure):
 
 
 class ControlRequest(ctypes.Structure):
-    """A command."""
+    """A request to the instance."""
 
     _fields_ = [("command", ctypes.c_uint32), ("reserved", ctypes.c_uint32), ("text", Text)]
 
@@ -77,7 +77,7 @@ class ControlRequest(ctypes.Structure):
 
 
 class ControlResponse(ctypes.Structure):
-    """What came of a command."""
+    """The answer to a request."""
 
     _fields_ = [("refused", ctypes.c_uint32), ("reserved", ctypes.c_uint32), ("state", ScanState), ("text", Text)]
 
@@ -90,15 +90,15 @@ PATTERN_FRINGES = 1
 COMMAND_START, COMMAND_STOP, COMMAND_RECORD_START, COMMAND_MARK = 1, 2, 3, 5
 
 
-# --- Channels. ----------------------------------------------------------------------------------------------------------
+# --- Channels. --------------------------------------------------------------------------------------------------------
 
 
 class Instance:
-    """The running instance: its channels, under its own configuration of iceoryx2."""
+    """A running instance. Opens its channels with its own iceoryx2 configuration."""
 
     def __init__(self, config_file: Path):
         config = iox2.config.from_file(iox2.FilePath.new(str(config_file)))
-        # Signals belong to this program.
+        # This program handles signals itself.
         builder = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new("projector-driver"))
         builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
         self.node = builder.create(iox2.ServiceType.Ipc)
@@ -107,17 +107,17 @@ class Instance:
         return self.node.service_builder(iox2.ServiceName.new(name))
 
     def publisher(self, name: str, message: type):
-        """The sending end of a channel, and the notifier that wakes its readers."""
-        # The instance made the channel with its limits; `open` takes them as they are.
+        """Returns a publisher of a channel, and the notifier that wakes its readers."""
+        # The instance created the channel and set its limits. `open` accepts them.
         publisher = self._service(name).publish_subscribe(message).open().publisher_builder().create()
         return publisher, self._service(name).event().open_or_create().notifier_builder().create()
 
     def subscriber(self, name: str, message: type):
-        """The receiving end of a channel."""
+        """Returns a subscriber of a channel."""
         return self._service(name).publish_subscribe(message).open().subscriber_builder().create()
 
     def request(self, command: int, text: str = "", timeout_s: float = 5.0) -> ControlResponse:
-        """Asks `control`, and returns the answer; exits where the answer is no, or does not come."""
+        """Sends a request to `control` and returns the answer. Exits if it is refused or not answered in time."""
         service = self._service("control").request_response(ControlRequest, ControlResponse).open()
         client = service.client_builder().create()
         pending = client.send_copy(ControlRequest(command=command, text=Text(text.encode())))
@@ -131,30 +131,30 @@ class Instance:
                     sys.exit(f"refused: {response.text.bytes.decode(errors='replace')}")
                 return response
             time.sleep(0.002)
-        sys.exit("control does not answer; is the instance running?")
+        sys.exit("control did not answer; is the instance running?")
 
 
-# --- The driver. --------------------------------------------------------------------------------------------------------
+# --- The driver. ------------------------------------------------------------------------------------------------------
 
 
 class Driver:
-    """Shows N patterns in turn, and announces each when its exposure starts."""
+    """Repeats N patterns, and announces each when its exposure starts."""
 
     def __init__(self, instance: Instance, steps: int, period_px: float, rate_hz: float):
         self.events, self.wake = instance.publisher("projector/pattern", PatternEvent)
         self.states = instance.subscriber("control/state", ScanState)
         self.steps, self.period_px, self.rate_hz = steps, period_px, rate_hz
-        self.session = time.monotonic_ns()  # a restarted driver has another one
-        self.sequence = 0  # goes on over a stop and a start
+        self.session = time.monotonic_ns()  # new after a restart of the driver
+        self.sequence = 0  # continues when the scan stops and starts again
         self.scanning = False
 
     def follow_state(self) -> None:
-        """Takes what has come on control/state; a new subscriber is given the last state."""
+        """Receives the newest state. A new subscriber receives the last one."""
         while (sample := self.states.receive()) is not None:
             self.scanning = sample.payload().contents.scanning != 0
 
     def run(self, stop, patterns: int | None) -> None:
-        """Until `stop` says so, or so many patterns were shown."""
+        """Announces patterns until `stop` returns true, or until `patterns` were announced."""
         start_ns, shown = 0, 0
         while not stop() and self.sequence != patterns:
             self.follow_state()
@@ -164,14 +164,14 @@ class Driver:
                 continue
             if start_ns == 0:
                 start_ns, shown = time.monotonic_ns(), 0
-            # Reckoned from the start: the schedule does not drift.
+            # Computed from the start of the scan, so the schedule does not drift.
             exposure_start_ns = start_ns + round(shown * 1e9 / self.rate_hz)
             time.sleep(max(0.0, (exposure_start_ns - time.monotonic_ns()) / 1e9))
             self.announce(exposure_start_ns)
             shown += 1
 
     def announce(self, exposure_start_ns: int) -> None:
-        """Says what is shown. Here a real driver shows pattern `step`."""
+        """Announces the pattern. A real driver would show pattern `step` here."""
         event = PatternEvent(
             session=self.session,
             sequence=self.sequence,
@@ -188,7 +188,7 @@ class Driver:
 
 
 def runtime_dir() -> Path:
-    """Folder in which instances stand, by the same rule as theirs."""
+    """Returns the runtime folder of instances, by the same rule as Fringeflow."""
     if folder := os.environ.get("FRINGEFLOW_RUNTIME_DIR"):
         return Path(folder)
     if folder := os.environ.get("XDG_RUNTIME_DIR"):
@@ -199,15 +199,15 @@ def runtime_dir() -> Path:
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Announces phase-shifted fringes to Fringeflow.")
     parser.add_argument("name", nargs="?", default="fringeflow", metavar="NAME", help="name of the instance")
-    parser.add_argument("--config-file", type=Path, help="its configuration of iceoryx2, if not in its usual place")
-    parser.add_argument("--steps", type=int, default=4, help="patterns of a cycle")
+    parser.add_argument("--config-file", type=Path, help="its iceoryx2 configuration, if not in the default folder")
+    parser.add_argument("--steps", type=int, default=4, help="patterns per cycle")
     parser.add_argument("--period-px", type=float, default=16.0, help="fringe period, projector pixels")
-    parser.add_argument("--rate-hz", type=float, default=30.0, help="patterns a second")
-    parser.add_argument("--patterns", type=int, help="end after so many patterns")
-    parser.add_argument("--start", action="store_true", help="ask for the start of the scan")
-    parser.add_argument("--record", metavar="FILE", help="ask for a recording; an empty FILE names it by the time")
+    parser.add_argument("--rate-hz", type=float, default=30.0, help="patterns per second")
+    parser.add_argument("--patterns", type=int, help="end after this number of patterns")
+    parser.add_argument("--start", action="store_true", help="request the start of the scan")
+    parser.add_argument("--record", metavar="FILE", help="request a recording; an empty FILE means a default name")
     parser.add_argument("--mark", metavar="TEXT", help="write a mark into the recording")
-    parser.add_argument("--stop", action="store_true", help="ask for the end of the scan before leaving")
+    parser.add_argument("--stop", action="store_true", help="request the stop of the scan at the end")
     return parser.parse_args()
 
 
@@ -216,9 +216,9 @@ def main() -> None:
     config_file = args.config_file or runtime_dir() / f"{args.name}.iceoryx2.toml"
     if not config_file.exists():
         sys.exit(f"{config_file} does not exist; start the instance first")
-    asked_to_stop = []
+    stop_signals = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: asked_to_stop.append(True))
+        signal.signal(number, lambda *_: stop_signals.append(True))
     try:
         instance = Instance(config_file)
         driver = Driver(instance, args.steps, args.period_px, args.rate_hz)
@@ -230,7 +230,7 @@ def main() -> None:
         instance.request(COMMAND_START)
     if args.mark is not None:
         instance.request(COMMAND_MARK, args.mark)
-    driver.run(lambda: bool(asked_to_stop), args.patterns)
+    driver.run(lambda: bool(stop_signals), args.patterns)
     if args.stop:
         instance.request(COMMAND_STOP)
     print(f"{driver.sequence} patterns announced")

@@ -1,8 +1,9 @@
-//! The life of a camera: found, opened, set, streaming; and what is tried when one of these fails.
+//! A camera that is found, opened, configured and streamed, and that recovers from failures.
 //!
-//! In: what the driver says. Out: images with their numbers and times, and notes of all that went wrong. A camera that is
-//! unplugged is closed, looked for, and begun anew under whatever number it returns; one that refuses calls or falls silent
-//! is stopped and begun anew, first its stream, then the whole device.
+//! In: the answers of the driver. Out: images with numbers and times, and incidents for the log and the account. A
+//! camera that is unplugged is closed and searched for until it returns, under whatever device number. If a camera
+//! refuses calls or, running free, falls silent, its stream is restarted. If that fails, or the silence goes on, the
+//! whole device is reopened.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -15,41 +16,43 @@ use fringeflow_runtime::clock;
 
 use crate::device::{self, CameraError, FindError, Prepared, Wanted};
 use crate::ioctl::{CallError, Device};
-use crate::notes::Notes;
+use crate::notes::IncidentLog;
 use crate::numbering::{Numbered, Numbering};
 use crate::queue::{FilledBuffer, Queue, Waited};
 use crate::stamp::{StampClock, StampFault, Stamped, Timing};
 
-/// Flag of V4L2: the image is damaged.
-const ERROR: u32 = 0x40;
-/// Refused calls in a row before the stream is begun anew; some errors pass.
-const MOST_REFUSALS: u32 = 3;
-/// Silences in a row before the device is opened anew.
-const MOST_SILENCES: u32 = 3;
-/// Time between two looks for a device that is not there, nanoseconds.
-const LOOK_NS: u64 = 500_000_000;
-/// Shortest and longest wait before a device that refused is tried again, nanoseconds.
-const FIRST_WAIT_NS: u64 = 50_000_000;
-const LONGEST_WAIT_NS: u64 = 5_000_000_000;
+/// `V4L2_BUF_FLAG_ERROR`: the image is damaged.
+const BUF_FLAG_ERROR: u32 = 0x40;
+/// Refused calls in a row before the stream is restarted; some errors are transient.
+const MAX_REFUSALS: u32 = 3;
+/// Timeouts in a row before the device is reopened.
+const MAX_TIMEOUTS: u32 = 3;
+/// Time between two searches for an absent device, nanoseconds.
+const SEARCH_INTERVAL_NS: u64 = 500_000_000;
+/// Shortest and longest wait before a device that refused a call is opened again, nanoseconds.
+const MIN_BACKOFF_NS: u64 = 50_000_000;
+const MAX_BACKOFF_NS: u64 = 5_000_000_000;
 
 /// A camera.
 pub(crate) struct Camera {
     settings: V4l2Camera,
     wanted: Wanted,
     state: State,
-    /// Whether the settings were accepted once.
-    is_proven: bool,
-    /// Whether it was there and is looked for.
+    /// Whether the device has accepted the settings before.
+    has_accepted_settings: bool,
+    /// Whether the device was unplugged and is searched for.
     is_unplugged: bool,
-    /// Whether it was said that it is not there.
-    is_missed: bool,
-    pub(crate) notes: Notes,
+    /// Whether its absence was logged.
+    is_absence_logged: bool,
+    pub(crate) incidents: IncidentLog,
 }
 
 enum State {
-    /// Nothing is open.
+    /// The device is closed.
     Closed {
+        /// Time of the next attempt to open it.
         next_ns: u64,
+        /// Failed attempts in a row.
         failures: u32,
     },
     Streaming(Box<Streaming>),
@@ -62,26 +65,28 @@ struct Streaming {
     session: u64,
     numbering: Numbering,
     stamps: StampClock,
-    /// When the last image came, or the stream began.
-    heard_ns: u64,
-    /// When the last silence was counted.
-    silence_ns: u64,
-    silences: u32,
+    /// Arrival of the last image; before the first image, start of the stream.
+    last_image_ns: u64,
+    /// Start of the current timeout: the last image, the start of the stream, or the last timeout.
+    timeout_start_ns: u64,
+    /// Timeouts in a row.
+    timeouts: u32,
+    /// Refused calls in a row.
     refusals: u32,
 }
 
-/// An image in a buffer of the driver, to be given back.
+/// An image in a buffer of the driver. The buffer must be given back.
 pub(crate) struct Image {
     buffer: FilledBuffer,
-    /// Tells this stream from others.
+    /// Session: a new one begins with each stream, and whenever numbers or times restart.
     pub(crate) session: u64,
-    /// Number of the image in it.
+    /// Number of the image in its session.
     pub(crate) number: u64,
-    /// Images before it of which none came.
+    /// Number of images lost before this one.
     pub(crate) missing: u64,
-    /// When it came.
+    /// Arrival of the image.
     pub(crate) received_ns: u64,
-    /// When its exposure began; or why it is no image.
+    /// Start of the exposure, or the reason why the image is dropped.
     pub(crate) stamped: Result<Stamped, DropReason>,
 }
 
@@ -92,17 +97,18 @@ impl Camera {
             settings,
             wanted,
             state,
-            is_proven: false,
+            has_accepted_settings: false,
             is_unplugged: false,
-            is_missed: false,
-            notes: Notes::default(),
+            is_absence_logged: false,
+            incidents: IncidentLog::default(),
         }
     }
 
-    /// Opens the device and starts its stream, where it is not and its turn has come.
+    /// Opens the device and starts its stream, unless it streams already or the next attempt is not due yet.
     ///
     /// # Errors
-    /// The device is there and refuses settings that it never accepted: the configuration must change.
+    /// The device refuses settings that it has never accepted, or cannot be used as configured: the configuration must
+    /// change.
     pub(crate) fn ensure_streaming(&mut self) -> Result<(), CameraError> {
         let State::Closed { next_ns, failures } = self.state else { return Ok(()) };
         if clock::now_ns() < next_ns {
@@ -110,14 +116,14 @@ impl Camera {
         }
         match self.open() {
             Ok(streaming) => {
-                self.is_proven = true;
-                self.begin(streaming);
+                self.has_accepted_settings = true;
+                self.set_streaming(streaming);
             }
-            Err(CameraError::Find(error @ FindError::Absent { .. })) => self.miss(&error, failures),
-            Err(error) if error.is_lasting() && !self.is_proven => return Err(error),
+            Err(CameraError::Find(error @ FindError::Absent { .. })) => self.wait_for_device(&error, failures),
+            Err(error) if error.is_lasting() && !self.has_accepted_settings => return Err(error),
             Err(error) => {
-                self.notes.add(Incident::CallRefused, error.to_string());
-                self.close_for_a_while(failures);
+                self.incidents.add(Incident::CallRefused, error.to_string());
+                self.back_off(failures);
             }
         }
         Ok(())
@@ -128,38 +134,38 @@ impl Camera {
         self.state = State::Closed { next_ns: 0, failures: 0 };
     }
 
-    /// Waits for an image; `false` where no stream runs, at once.
-    pub(crate) fn wait(&mut self, rest: Duration) -> bool {
+    /// Waits for an image. Returns `false` at once if no stream runs.
+    pub(crate) fn wait(&mut self, timeout: Duration) -> bool {
         let State::Streaming(streaming) = &mut self.state else { return false };
-        match streaming.queue.wait(rest) {
+        match streaming.queue.wait(timeout) {
             Ok(Waited::Ready | Waited::TimedOut | Waited::Interrupted) => {}
-            Err(error) => self.refuse(&error),
+            Err(error) => self.handle_refusal(&error),
         }
         true
     }
 
-    /// The next image that has come.
-    pub(crate) fn take(&mut self) -> Option<Image> {
+    /// Returns the next image that has arrived.
+    pub(crate) fn next_image(&mut self) -> Option<Image> {
         let State::Streaming(streaming) = &mut self.state else { return None };
-        let taken = streaming.queue.take();
-        // After the call: a driver may hold it up, and no image begins after it came.
+        let dequeued = streaming.queue.dequeue();
+        // Read after the call: the driver may delay the call, and no image may begin after its arrival.
         let now_ns = clock::now_ns();
         let interrupted = streaming.device.take_interruptions();
-        self.notes.add_many(Incident::Interrupted, interrupted, "signals interrupt the calls to the driver");
-        match taken {
-            Ok(Some(buffer)) => Some(streaming.judge(buffer, now_ns, &mut self.notes)),
+        self.incidents.add_many(Incident::Interrupted, interrupted, "signals interrupt the calls to the driver");
+        match dequeued {
+            Ok(Some(buffer)) => Some(streaming.number_and_stamp(buffer, now_ns, &mut self.incidents)),
             Ok(None) => {
-                self.listen(now_ns);
+                self.check_timeout(now_ns);
                 None
             }
             Err(error) => {
-                self.refuse(&error);
+                self.handle_refusal(&error);
                 None
             }
         }
     }
 
-    /// What the device was found to be and set to; `None` while it is closed.
+    /// Returns the properties of the device as it was set; `None` while it is closed.
     pub(crate) fn prepared(&self) -> Option<&Prepared> {
         match &self.state {
             State::Streaming(streaming) => Some(&streaming.prepared),
@@ -167,7 +173,7 @@ impl Camera {
         }
     }
 
-    /// The bytes of an image as the camera sent them.
+    /// Returns the bytes of an image as the camera sent them.
     pub(crate) fn bytes<'a>(&'a self, image: &'a Image) -> &'a [u8] {
         match &self.state {
             State::Streaming(streaming) => streaming.queue.bytes(&image.buffer),
@@ -178,9 +184,9 @@ impl Camera {
     /// Gives the buffer of an image back to the driver.
     pub(crate) fn give_back(&mut self, image: Image) {
         let State::Streaming(streaming) = &mut self.state else { return };
-        match streaming.queue.give_back(image.buffer) {
+        match streaming.queue.requeue(image.buffer) {
             Ok(()) => streaming.refusals = 0,
-            Err(error) => self.refuse(&error),
+            Err(error) => self.handle_refusal(&error),
         }
     }
 
@@ -191,80 +197,83 @@ impl Camera {
             .map_err(|source| CameraError::Stream { path, source })
     }
 
-    /// Looks again later for a device that is not there.
-    fn miss(&mut self, error: &FindError, failures: u32) {
-        if !self.is_unplugged && !std::mem::replace(&mut self.is_missed, true) {
+    /// Schedules the next search for an absent device. Its absence is logged once.
+    fn wait_for_device(&mut self, error: &FindError, failures: u32) {
+        if !self.is_unplugged && !std::mem::replace(&mut self.is_absence_logged, true) {
             tracing::warn!("waiting for a camera: {error}");
         }
-        self.state = State::Closed { next_ns: clock::now_ns() + LOOK_NS, failures };
+        self.state = State::Closed { next_ns: clock::now_ns() + SEARCH_INTERVAL_NS, failures };
     }
 
-    fn begin(&mut self, streaming: Streaming) {
-        self.is_missed = false;
+    fn set_streaming(&mut self, streaming: Streaming) {
+        self.is_absence_logged = false;
         if std::mem::take(&mut self.is_unplugged) {
-            self.notes.add(Incident::Returned, format!("{} is back", self.settings.device));
+            self.incidents.add(Incident::Returned, format!("{} is back", self.settings.device));
         }
         self.state = State::Streaming(Box::new(streaming));
     }
 
-    fn close_for_a_while(&mut self, failures: u32) {
-        let wait_ns = (FIRST_WAIT_NS << failures.min(7)).min(LONGEST_WAIT_NS);
+    fn back_off(&mut self, failures: u32) {
+        let wait_ns = (MIN_BACKOFF_NS << failures.min(7)).min(MAX_BACKOFF_NS);
         self.state = State::Closed { next_ns: clock::now_ns() + wait_ns, failures: failures + 1 };
     }
 
-    /// Counts a call that the driver refused, and does what helps.
-    fn refuse(&mut self, error: &CallError) {
+    /// Counts a call that the driver refused. Closes a device that is gone; restarts the stream after too many
+    /// refusals.
+    fn handle_refusal(&mut self, error: &CallError) {
         let State::Streaming(streaming) = &mut self.state else { return };
         if error.errno() == Some(Errno::NODEV) {
-            self.notes.add(Incident::Unplugged, format!("{} is gone: {error}", self.settings.device));
+            self.incidents.add(Incident::Unplugged, format!("{} is gone: {error}", self.settings.device));
             self.is_unplugged = true;
-            self.state = State::Closed { next_ns: clock::now_ns() + LOOK_NS, failures: 0 };
+            self.state = State::Closed { next_ns: clock::now_ns() + SEARCH_INTERVAL_NS, failures: 0 };
             return;
         }
-        self.notes.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
+        self.incidents.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
         streaming.refusals += 1;
-        if streaming.refusals >= MOST_REFUSALS {
+        if streaming.refusals >= MAX_REFUSALS {
             self.restart("the driver refuses calls");
         }
     }
 
-    /// Looks whether the camera has been silent for too long, and offers buffers that were refused.
-    fn listen(&mut self, now_ns: u64) {
+    /// Queues again the buffers that the driver refused, and checks whether the camera has been silent for too long.
+    fn check_timeout(&mut self, now_ns: u64) {
         let State::Streaming(streaming) = &mut self.state else { return };
-        if let Err(error) = streaming.queue.offer_again() {
-            return self.refuse(&error);
+        if let Err(error) = streaming.queue.retry_refused() {
+            return self.handle_refusal(&error);
         }
         let timeout_ns = self.settings.timeout_ns;
-        if now_ns.saturating_sub(streaming.silence_ns) < timeout_ns {
+        if now_ns.saturating_sub(streaming.timeout_start_ns) < timeout_ns {
             return;
         }
-        let silent_ms = now_ns.saturating_sub(streaming.heard_ns) / 1_000_000;
-        streaming.silence_ns = now_ns;
-        streaming.silences += 1;
+        let silent_ms = now_ns.saturating_sub(streaming.last_image_ns) / 1_000_000;
+        streaming.timeout_start_ns = now_ns;
+        streaming.timeouts += 1;
+        // With an external trigger silence is no fault, and only the first timeout is counted.
         let is_fault = self.settings.trigger == Trigger::Free;
-        if is_fault || streaming.silences == 1 {
-            self.notes.add(Incident::TimeOut, format!("{}: no image for {silent_ms} ms", self.settings.device));
+        if is_fault || streaming.timeouts == 1 {
+            self.incidents.add(Incident::TimeOut, format!("{}: no image for {silent_ms} ms", self.settings.device));
         }
-        match streaming.silences {
+        match streaming.timeouts {
             _ if !is_fault => {}
-            1..MOST_SILENCES => self.restart("the camera is silent"),
+            1..MAX_TIMEOUTS => self.restart("the camera is silent"),
             _ => self.close(),
         }
     }
 
-    /// Begins the stream anew on the same device; closes it where that fails.
+    /// Restarts the stream on the same device. Closes the device if that fails.
     fn restart(&mut self, why: &str) {
         let closed = State::Closed { next_ns: 0, failures: 0 };
         let State::Streaming(old) = std::mem::replace(&mut self.state, closed) else { return };
-        self.notes.add(Incident::StreamRestart, format!("{}: {why}; its stream is restarted", self.settings.device));
-        let Streaming { device, prepared, queue, silences, heard_ns, .. } = *old;
-        // Its buffers must be gone before the driver gives others.
+        self.incidents
+            .add(Incident::StreamRestart, format!("{}: {why}; its stream is restarted", self.settings.device));
+        let Streaming { device, prepared, queue, timeouts, last_image_ns, .. } = *old;
+        // The driver allocates no new buffers before the old ones are freed.
         drop(queue);
         match Streaming::start(device, prepared, &self.settings, &self.wanted) {
-            Ok(streaming) => self.begin(Streaming { silences, heard_ns, ..streaming }),
+            Ok(streaming) => self.set_streaming(Streaming { timeouts, last_image_ns, ..streaming }),
             Err(error) => {
-                self.notes.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
-                self.close_for_a_while(0);
+                self.incidents.add(Incident::CallRefused, format!("{}: {error}", self.settings.device));
+                self.back_off(0);
             }
         }
     }
@@ -292,49 +301,59 @@ impl Streaming {
             session: now_ns,
             numbering: Numbering::default(),
             stamps: StampClock::new(timing),
-            heard_ns: now_ns,
-            silence_ns: now_ns,
-            silences: 0,
+            last_image_ns: now_ns,
+            timeout_start_ns: now_ns,
+            timeouts: 0,
             refusals: 0,
         })
     }
 
-    /// Numbers a buffer and tells when its exposure began.
-    fn judge(&mut self, buffer: FilledBuffer, now_ns: u64, notes: &mut Notes) -> Image {
-        (self.heard_ns, self.silence_ns, self.silences, self.refusals) = (now_ns, now_ns, 0, 0);
-        let filled = buffer.filled;
-        let (number, missing, stamped) = if filled.flags & ERROR != 0 {
-            (0, self.numbering.take_damaged(filled.sequence), Err(DropReason::BadImage))
+    /// Numbers an image and finds the start of its exposure.
+    fn number_and_stamp(&mut self, buffer: FilledBuffer, now_ns: u64, incidents: &mut IncidentLog) -> Image {
+        (self.last_image_ns, self.timeout_start_ns, self.timeouts, self.refusals) = (now_ns, now_ns, 0, 0);
+        let metadata = buffer.metadata;
+        let (number, missing, stamped) = if metadata.flags & BUF_FLAG_ERROR != 0 {
+            (0, self.numbering.extend_damaged(metadata.sequence), Err(DropReason::BadImage))
         } else {
-            let numbered = self.numbering.take(filled.sequence);
-            if let Numbered::Anew { number } = numbered {
-                notes.add(Incident::NumberingRestart, format!("the driver restarted its image numbers at {number}"));
+            let numbered = self.numbering.extend(metadata.sequence);
+            if let Numbered::Restarted { number } = numbered {
+                incidents
+                    .add(Incident::NumberingRestart, format!("the driver restarted its image numbers at {number}"));
+                // Numbers before and after the restart cannot be compared.
                 self.session = now_ns;
             }
             match numbered {
                 Numbered::Repeated => (0, 0, Err(DropReason::Duplicate)),
-                Numbered::Anew { number } => (number, 0, self.stamp(&buffer, now_ns, notes)),
-                Numbered::Next { number, missing } => (number, missing, self.stamp(&buffer, now_ns, notes)),
+                Numbered::Restarted { number } => (number, 0, self.stamp(&buffer, now_ns, incidents)),
+                Numbered::Next { number, missing } => (number, missing, self.stamp(&buffer, now_ns, incidents)),
             }
         };
         Image { buffer, session: self.session, number, missing, received_ns: now_ns, stamped }
     }
 
-    fn stamp(&mut self, buffer: &FilledBuffer, now_ns: u64, notes: &mut Notes) -> Result<Stamped, DropReason> {
-        let stamped = self.stamps.take(buffer.filled.stamp, buffer.filled.flags, now_ns);
+    fn stamp(
+        &mut self,
+        buffer: &FilledBuffer,
+        now_ns: u64,
+        incidents: &mut IncidentLog,
+    ) -> Result<Stamped, DropReason> {
+        let stamped = self.stamps.convert(buffer.metadata.stamp, buffer.metadata.flags, now_ns);
         match stamped.fault {
             None => Ok(stamped),
             Some(StampFault::Ahead { by_ns }) => {
                 let by_ms = by_ns as f64 * 1e-6;
-                notes.add(Incident::StampAhead, format!("time stamps are {by_ms:.3} ms later than the arrival"));
+                incidents.add(
+                    Incident::StampAhead,
+                    format!("time stamps are {by_ms:.3} ms later than the arrival of their images"),
+                );
                 Ok(stamped)
             }
             Some(StampFault::Jump) => {
-                notes.add(
+                incidents.add(
                     Incident::StampJump,
-                    "time stamps jump or use an unknown clock; times now count from an arrival",
+                    "time stamps jump or use an unknown clock; times are now relative to the arrival of an image",
                 );
-                // Times before and after say nothing of each other.
+                // Times before and after the jump cannot be compared.
                 self.session = now_ns;
                 Ok(stamped)
             }

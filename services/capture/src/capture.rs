@@ -1,17 +1,19 @@
-//! A camera with its channel and its account: images out of the driver's buffers into shared memory, each copied once.
+//! Publishes the images of a camera.
+//!
+//! In: images in the driver's buffers. Out: images in shared memory, each copied once, and the counts of the account.
 
 use fringeflow_config::{CameraSource, V4l2Camera};
 use fringeflow_dataset::CameraId;
 use fringeflow_message::{DropReason, FrameHeader, ScanState, Stage, flags};
 use fringeflow_pixels::{ImageReader, UnpackError};
-use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, ServiceError, clock, receive};
+use fringeflow_runtime::{Account, AccountError, Host, ItemTimes, MAX_WAIT, ServiceError, clock, receive};
 use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
 
 use crate::camera::{Camera, Image};
 use crate::device::Wanted;
 use crate::stamp::Stamped;
 
-/// The service around a camera.
+/// A camera with its channel and its account.
 pub(crate) struct Capture {
     id: CameraId,
     stage: Stage,
@@ -21,13 +23,13 @@ pub(crate) struct Capture {
     output: Publisher<FrameHeader, [u8]>,
     states: Subscriber<(), ScanState>,
     scanning: bool,
-    /// The last fault of an image that was logged: what repeats itself is said once.
-    logged: Option<String>,
+    /// Last logged fault of an image; repetitions are not logged.
+    last_logged: Option<String>,
 }
 
 impl Capture {
     pub(crate) fn open(host: &Host, id: CameraId) -> Result<Self, ServiceError> {
-        let settings = settings(host, id)?;
+        let settings = camera_settings(host, id)?;
         let (stage, channel) = match id {
             CameraId::Cam1 => (Stage::Camera1, CAM1_FRAME),
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
@@ -42,16 +44,17 @@ impl Capture {
             stage,
             camera: Camera::new(settings, wanted),
             reader: ImageReader::new(wanted.format, host.setup.readout),
-            account: host.account(stage)?,
+            account: host.open_account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
             scanning: false,
-            logged: None,
+            last_logged: None,
         })
     }
 
-    /// Waits for images for a while and puts out what comes; what the driver has filled when the scan stops still counts.
-    pub(crate) fn turn(&mut self, host: &mut Host, is_last: bool) -> Result<(), ServiceError> {
+    /// Waits for images for at most [`MAX_WAIT`] and publishes those that arrive. Buffers that are filled when the scan
+    /// stops are still published.
+    pub(crate) fn run_once(&mut self, host: &mut Host, is_last: bool) -> Result<(), ServiceError> {
         let was_scanning = self.scanning;
         while let Some(state) = receive(&mut self.states) {
             self.scanning = state.scanning != 0;
@@ -59,24 +62,24 @@ impl Capture {
         self.scanning &= !is_last;
         if self.scanning {
             self.camera.ensure_streaming().map_err(|e| ServiceError::Unusable(e.to_string()))?;
-            if !self.camera.wait(BEAT) {
-                wait_for(&[&self.states], BEAT)?;
+            if !self.camera.wait(MAX_WAIT) {
+                wait_for(&[&self.states], MAX_WAIT)?;
             }
         }
-        self.put_out_all(host)?;
-        self.camera.notes.write(&mut self.account)?;
+        self.publish_all(host)?;
+        self.camera.incidents.write(&mut self.account)?;
         if !self.scanning {
             if was_scanning {
                 self.camera.close();
             }
             if !is_last {
-                wait_for(&[&self.states], BEAT)?;
+                wait_for(&[&self.states], MAX_WAIT)?;
             }
         }
         Ok(())
     }
 
-    /// A sign of life.
+    /// Reports the counts.
     pub(crate) fn report(&self, host: &mut Host) {
         host.report(self.stage, self.account.counts(), None);
     }
@@ -86,36 +89,37 @@ impl Capture {
         self.states.ensure_connected(now_ns).map(|_| ())
     }
 
-    fn put_out_all(&mut self, host: &mut Host) -> Result<(), AccountError> {
-        while let Some(image) = self.camera.take() {
+    fn publish_all(&mut self, host: &mut Host) -> Result<(), AccountError> {
+        while let Some(image) = self.camera.next_image() {
             if image.missing > 0 {
-                self.lose(image.missing, DropReason::CameraLost)?;
+                self.count_lost(image.missing, DropReason::CameraLost)?;
             }
             match image.stamped {
-                Ok(stamped) => self.put_out(&image, &stamped, host)?,
-                Err(reason) => self.lose(1, reason)?,
+                Ok(stamped) => self.publish(&image, &stamped, host)?,
+                Err(reason) => self.count_lost(1, reason)?,
             }
             self.camera.give_back(image);
         }
         Ok(())
     }
 
-    fn put_out(&mut self, image: &Image, stamped: &Stamped, host: &mut Host) -> Result<(), AccountError> {
+    fn publish(&mut self, image: &Image, stamped: &Stamped, host: &mut Host) -> Result<(), AccountError> {
         let header = self.header(image, stamped);
         let bytes = self.camera.bytes(image);
         let stride_bytes = self.camera.prepared().map_or(0, |prepared| prepared.stride_bytes);
         let passed = self.account.counts().passed;
         match send(&mut self.output, &mut self.account, &header, &mut self.reader, (bytes, stride_bytes)) {
-            Ok(()) => self.logged = None,
-            Err(Unsent::Transport(error)) => {
+            Ok(()) => self.last_logged = None,
+            Err(SendError::Transport(error)) => {
                 tracing::warn!("{error}");
-                // What has its number and could not be sent is missing in the channel, and counted there.
+                // An unsent image that has its number leaves a gap in the channel, and subscribers count it as lost.
+                // Without a number it is counted here.
                 if self.account.counts().passed == passed {
-                    return self.lose(1, DropReason::NoSample);
+                    return self.count_lost(1, DropReason::NoSample);
                 }
             }
-            Err(Unsent::Account(error)) => return Err(error),
-            Err(Unsent::Image(error)) => return self.refuse(&error),
+            Err(SendError::Account(error)) => return Err(error),
+            Err(SendError::Image(error)) => return self.drop_damaged(&error),
         }
         let exposure_start_ns = stamped.exposure_start_ns;
         let received_ns = image.received_ns;
@@ -124,7 +128,7 @@ impl Capture {
         Ok(())
     }
 
-    /// The header of an image.
+    /// Returns the header of an image. Its number in the channel is set when it is sent.
     fn header(&self, image: &Image, stamped: &Stamped) -> FrameHeader {
         let format = self.reader.pixel_format();
         let [width_px, height_px] = self.reader.image_size_px().map(|side| side as u32);
@@ -140,61 +144,65 @@ impl Capture {
             height_px,
             stride_bytes: width_px * format.bytes() as u32,
             pixel_format: format.code(),
-            flags: if stamped.is_reckoned { flags::START_RECKONED } else { 0 },
+            flags: if stamped.is_estimated { flags::START_RECKONED } else { 0 },
             camera: self.id as u32 + 1,
         }
     }
 
-    fn refuse(&mut self, error: &UnpackError) -> Result<(), AccountError> {
-        let words = error.to_string();
-        if self.logged.as_ref() != Some(&words) {
-            tracing::warn!("a damaged image: {words}");
-            self.logged = Some(words);
+    fn drop_damaged(&mut self, error: &UnpackError) -> Result<(), AccountError> {
+        let text = error.to_string();
+        if self.last_logged.as_ref() != Some(&text) {
+            tracing::warn!("damaged image: {text}");
+            self.last_logged = Some(text);
         }
-        self.lose(1, DropReason::BadImage)
+        self.count_lost(1, DropReason::BadImage)
     }
 
-    /// Counts images that are not put out.
-    fn lose(&mut self, images: u64, reason: DropReason) -> Result<(), AccountError> {
-        self.account.take(images)?;
+    /// Counts images that are not published.
+    fn count_lost(&mut self, images: u64, reason: DropReason) -> Result<(), AccountError> {
+        self.account.count_taken(images)?;
         self.account.drop_many(reason, images)
     }
 }
 
 /// Why an image was not sent.
 #[derive(Debug)]
-enum Unsent {
+enum SendError {
     Image(UnpackError),
     Account(AccountError),
     Transport(TransportError),
 }
 
-/// Copies what is used of an image into shared memory, in rows without gaps, and sends it.
+/// Copies the used region of an image into shared memory, in rows without gaps, and sends it.
 fn send(
     output: &mut Publisher<FrameHeader, [u8]>,
     account: &mut Account,
     header: &FrameHeader,
     reader: &mut ImageReader,
     (bytes, stride_bytes): (&[u8], usize),
-) -> Result<(), Unsent> {
+) -> Result<(), SendError> {
     let len = reader.image_bytes();
-    let numbered = |account: &mut Account| {
-        let published = account.take_and_pass().map_err(Unsent::Account)?;
+    let number_header = |account: &mut Account| {
+        let published = account.count_taken_and_passed().map_err(SendError::Account)?;
         Ok(FrameHeader { published, ..*header })
     };
-    // Rows that go out as they came are copied as one, into memory that nobody has cleared before.
+    // An image that needs no conversion is copied as a whole, into memory that was not cleared before.
     if let Some(pixels) = bytes.get(..len).filter(|_| reader.is_passthrough(stride_bytes)) {
-        let header = numbered(account)?;
-        return output.send(&header, pixels).map_err(Unsent::Transport);
+        let header = number_header(account)?;
+        return output.send(&header, pixels).map_err(SendError::Transport);
     }
-    let made = output.try_send_filled(len, |pixels| {
-        reader.read(bytes, stride_bytes, pixels).map_err(Unsent::Image)?;
-        numbered(account)
+    let sent = output.try_send_filled(len, |pixels| {
+        reader.read(bytes, stride_bytes, pixels).map_err(SendError::Image)?;
+        number_header(account)
     });
-    made.map_err(Unsent::Transport)?
+    sent.map_err(SendError::Transport)?
 }
 
-fn settings(host: &Host, id: CameraId) -> Result<V4l2Camera, ServiceError> {
+/// Returns the settings of a V4L2 camera.
+///
+/// # Errors
+/// The configuration has another source of images.
+fn camera_settings(host: &Host, id: CameraId) -> Result<V4l2Camera, ServiceError> {
     match &host.configuration.cameras {
         CameraSource::V4l2(cameras) => Ok(cameras[id as usize].clone()),
         CameraSource::Virtual | CameraSource::External => {

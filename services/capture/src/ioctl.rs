@@ -1,11 +1,14 @@
-//! The calls to a V4L2 device, and the memory it shares: the only unsafe code of the capture.
+//! Calls to a V4L2 device, and its mapped buffers: the only unsafe code of the capture service.
 //!
-//! In: plain structs of the kernel's interface. Out: the same, filled in by the driver, and the bytes of buffers. Everything
-//! that could break memory is here, so that the rest of the crate is safe code: calls whose argument holds pointers are made
-//! by functions of their own, unions are read here, and the bytes of a buffer are lent only to whoever shows that the driver
-//! does not have it.
+//! In: plain structs of the kernel interface. Out: the same structs, filled in by the driver, and the bytes of buffers.
+//! Everything that could violate memory safety is in this file, so the rest of the crate is safe code:
 //!
-//! Sending buffers on as DMABUF (`VIDIOC_EXPBUF`) would be one more call here and a second memory type of [`Mapping`].
+//! - Calls whose argument holds pointers have functions of their own.
+//! - Unions are read here.
+//! - The bytes of a buffer are borrowed together with its [`BufferToken`], the proof that the driver does not own it.
+//!
+//! To send buffers on as DMABUF, this file would need one more call (`VIDIOC_EXPBUF`) and a second memory type for
+//! [`Mapping`].
 
 #![allow(unsafe_code)]
 
@@ -27,22 +30,22 @@ use v4l::v4l_sys::{
 };
 use v4l::v4l2::vidioc;
 
-/// Most planes of a buffer.
-const MAX_PLANES: usize = 8;
-/// Longest text of a control that is read, bytes.
-const LONGEST_TEXT: u32 = 4096;
-/// Protection and sharing of a mapping: the driver writes, this program reads.
+/// Maximum number of planes of a buffer.
+pub(crate) const MAX_PLANES: usize = 8;
+/// Maximum length of a string control that is read, bytes.
+const MAX_STRING_BYTES: u32 = 4096;
+/// Protection and sharing of a mapping: the driver writes, and this program reads.
 const PROT_READ: c_int = 1;
 const MAP_SHARED: c_int = 1;
 
-/// Structs of the kernel's interface for which all zeros is a value: numbers, arrays of numbers and unions of them, and null
+/// Structs of the kernel interface for which all zeros is a valid value: integers, arrays and unions of them, and null
 /// pointers.
 ///
 /// # Safety
-/// Only for types of which that is true.
-pub(crate) unsafe trait Plain: Copy {}
+/// All zeros must be a valid value of the type.
+pub(crate) unsafe trait Zeroable: Copy {}
 
-/// A call without pointers in its argument: its code, its name, and the type of its argument.
+/// A call: its code, its name, and the type of its argument. In the public ones the argument holds no pointers.
 pub(crate) struct Request<T> {
     code: vidioc::_IOC_TYPE,
     name: &'static str,
@@ -50,23 +53,23 @@ pub(crate) struct Request<T> {
 }
 
 impl<T> Request<T> {
-    /// `code` must belong to the type: the kernel writes as many bytes as the code says.
+    /// `code` must belong to the type `T`: the kernel writes as many bytes as the code states.
     const fn new(code: vidioc::_IOC_TYPE, name: &'static str) -> Self {
         Self { code, name, argument: PhantomData }
     }
 }
 
-macro_rules! plain {
+macro_rules! zeroable {
     ($($name:ty),* $(,)?) => {
-        // SAFETY: structs of integers, arrays and unions of them, and (in those two with pointers) null pointers.
-        $(unsafe impl Plain for $name {})*
+        // SAFETY: structs of integers, arrays and unions of them; in the two structs with pointers, null pointers.
+        $(unsafe impl Zeroable for $name {})*
     };
 }
 
-plain! {
-    v4l2_buffer, v4l2_capability, v4l2_dv_timings, v4l2_enum_dv_timings, v4l2_ext_control, v4l2_ext_controls, v4l2_fmtdesc,
-    v4l2_format, v4l2_frmivalenum, v4l2_frmsizeenum, v4l2_input, v4l2_plane, v4l2_query_ext_ctrl, v4l2_querymenu,
-    v4l2_requestbuffers, v4l2_streamparm,
+zeroable! {
+    v4l2_buffer, v4l2_capability, v4l2_dv_timings, v4l2_enum_dv_timings, v4l2_ext_control, v4l2_ext_controls,
+    v4l2_fmtdesc, v4l2_format, v4l2_frmivalenum, v4l2_frmsizeenum, v4l2_input, v4l2_plane, v4l2_query_ext_ctrl,
+    v4l2_querymenu, v4l2_requestbuffers, v4l2_streamparm,
 }
 
 macro_rules! requests {
@@ -75,7 +78,7 @@ macro_rules! requests {
     };
 }
 
-// Each code was made of the size of the very type that stands beside it: by the crate, or by `code` below.
+// Each code contains the size of the type beside it, from which the `v4l` crate or `call_code` computed it.
 requests! {
     QUERYCAP: v4l2_capability = vidioc::VIDIOC_QUERYCAP,
     ENUM_FMT: v4l2_fmtdesc = vidioc::VIDIOC_ENUM_FMT,
@@ -92,13 +95,13 @@ requests! {
     REQBUFS: v4l2_requestbuffers = vidioc::VIDIOC_REQBUFS,
     STREAMON: c_int = vidioc::VIDIOC_STREAMON,
     STREAMOFF: c_int = vidioc::VIDIOC_STREAMOFF,
-    S_DV_TIMINGS: v4l2_dv_timings = code::<v4l2_dv_timings>(READ_WRITE, 87),
-    G_DV_TIMINGS: v4l2_dv_timings = code::<v4l2_dv_timings>(READ_WRITE, 88),
-    ENUM_DV_TIMINGS: v4l2_enum_dv_timings = code::<v4l2_enum_dv_timings>(READ_WRITE, 98),
-    QUERY_DV_TIMINGS: v4l2_dv_timings = code::<v4l2_dv_timings>(READ, 99),
+    S_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, 87),
+    G_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, 88),
+    ENUM_DV_TIMINGS: v4l2_enum_dv_timings = call_code::<v4l2_enum_dv_timings>(READ_WRITE, 98),
+    QUERY_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ, 99),
 }
 
-// These hold pointers and are called by functions here alone.
+// The arguments of these calls hold pointers. Only functions of this file make the calls.
 const QUERYBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_QUERYBUF, "VIDIOC_QUERYBUF");
 const QBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_QBUF, "VIDIOC_QBUF");
 const DQBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_DQBUF, "VIDIOC_DQBUF");
@@ -109,8 +112,8 @@ const S_EXT_CTRLS: Request<v4l2_ext_controls> = Request::new(vidioc::VIDIOC_S_EX
 const READ: vidioc::_IOC_TYPE = 2;
 const READ_WRITE: vidioc::_IOC_TYPE = 3;
 
-/// Code of a call that the crate lacks.
-const fn code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vidioc::_IOC_TYPE {
+/// Computes the code of a call that the `v4l` crate lacks.
+const fn call_code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vidioc::_IOC_TYPE {
     direction << 30 | (size_of::<T>() as vidioc::_IOC_TYPE) << 16 | (b'V' as vidioc::_IOC_TYPE) << 8 | number
 }
 
@@ -120,12 +123,12 @@ const fn code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vid
 pub struct CallError {
     /// Name of the call.
     pub call: &'static str,
-    /// What the driver said.
+    /// Error of the driver.
     #[source]
     pub source: io::Error,
 }
 
-/// What an error means where its usual words do not say so.
+/// Explains an error whose usual text is unclear.
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::ResourceBusy => "; another program uses the device",
@@ -134,16 +137,16 @@ fn hint(source: &io::Error) -> &'static str {
 }
 
 impl CallError {
-    /// Number of the error.
+    /// Returns the number of the error.
     #[must_use]
     pub(crate) fn errno(&self) -> Option<rustix::io::Errno> {
         rustix::io::Errno::from_io_error(&self.source)
     }
 }
 
-/// All zeros.
-pub(crate) fn zeroed<T: Plain>() -> T {
-    // SAFETY: `Plain` is only implemented for types of which this is a value.
+/// Returns a value of all zeros.
+pub(crate) fn zeroed<T: Zeroable>() -> T {
+    // SAFETY: `Zeroable` is only implemented for types of which all zeros is a valid value.
     unsafe { std::mem::zeroed() }
 }
 
@@ -151,51 +154,52 @@ pub(crate) fn zeroed<T: Plain>() -> T {
 #[derive(Debug)]
 pub(crate) struct Device {
     fd: OwnedFd,
-    /// Calls that a signal cut short, and that were made again.
+    /// Number of calls and waits that a signal interrupted.
     interrupted: Cell<u64>,
 }
 
-/// Which kind of buffers a device has.
+/// Kind of the buffers of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BufferKind {
     /// `v4l2_buf_type`.
     pub(crate) code: u32,
-    /// Planes of a buffer in memory of their own; `None` for a single-planar device.
+    /// Number of planes of a buffer, each with its own memory; `None` for a single-planar device.
     pub(crate) planes: Option<u32>,
 }
 
-/// Memory of one plane of a buffer.
+/// Mapped memory of one plane of a buffer.
 #[derive(Debug)]
 pub(crate) struct Mapping {
     start: *const u8,
     length: usize,
-    /// The buffer it belongs to.
+    /// Stream and index of the buffer.
     stream: u64,
     index: u32,
 }
 
-/// Shows that the driver does not have a buffer: it was not given away yet, or was taken back. There is one for each buffer.
+/// Proof that the driver does not own a buffer: it was not queued yet, or it was dequeued. Each buffer has at most one
+/// token.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Held {
+pub(crate) struct BufferToken {
     stream: u64,
     pub(crate) index: u32,
 }
 
-/// What the driver says of a buffer that it filled.
+/// Metadata of a buffer that the driver filled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Filled {
+pub(crate) struct BufferMetadata {
     /// `V4L2_BUF_FLAG_…`.
     pub(crate) flags: u32,
-    /// Number of the image.
+    /// Sequence number of the image; it wraps.
     pub(crate) sequence: u32,
-    /// Time stamp: seconds and microseconds of the clock that the flags tell.
+    /// Time stamp, seconds and microseconds of the clock that the flags name.
     pub(crate) stamp: [i64; 2],
-    /// Where the image begins and ends in its (first) plane.
+    /// Start and end of the image in its (first) plane, bytes.
     pub(crate) bytes: [usize; 2],
 }
 
 impl Device {
-    /// Opens a device; calls do not wait.
+    /// Opens a device in non-blocking mode.
     ///
     /// # Errors
     /// As `open(2)`.
@@ -204,15 +208,15 @@ impl Device {
         Ok(Self { fd: rustix::fs::open(path, flags, Mode::empty())?, interrupted: Cell::new(0) })
     }
 
-    /// Makes a call; one that a signal cut short is made again.
+    /// Makes a call, and repeats it if a signal interrupts it.
     ///
     /// # Errors
     /// The driver refuses it.
     pub(crate) fn call<T>(&self, request: &Request<T>, argument: &mut T) -> Result<(), CallError> {
         loop {
             let argument = ptr::from_mut(argument).cast::<c_void>();
-            // SAFETY: the code belongs to the type, see `Request`, so the kernel reads and writes this argument alone. Where
-            // it holds pointers, the functions below made them, and they are valid for the call.
+            // SAFETY: the code belongs to the type, see `Request`, so the kernel reads and writes only this argument.
+            // If the argument holds pointers, the functions below set them, and they are valid during the call.
             let done = unsafe { v4l::v4l2::ioctl(self.fd.as_raw_fd(), request.code, argument) };
             match done {
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => self.count_interruption(),
@@ -221,33 +225,33 @@ impl Device {
         }
     }
 
-    /// Counts a wait or a call that a signal cut short.
+    /// Counts a wait or a call that a signal interrupted.
     pub(crate) fn count_interruption(&self) {
         self.interrupted.set(self.interrupted.get() + 1);
     }
 
-    /// Interruptions since this was asked last.
+    /// Returns the number of interruptions since the last call of this method.
     pub(crate) fn take_interruptions(&self) -> u64 {
         self.interrupted.take()
     }
 
-    /// Value of a control that is a number: 32 bits, or 64.
+    /// Reads an integer control of 32 bits, or of 64 bits if `is_64`.
     ///
     /// # Errors
     /// The driver refuses it.
-    pub(crate) fn number(&self, id: u32, is_64: bool) -> Result<i64, CallError> {
+    pub(crate) fn integer_control(&self, id: u32, is_64: bool) -> Result<i64, CallError> {
         let mut control = v4l2_ext_control { id, ..zeroed() };
         self.call_controls(&G_EXT_CTRLS, &mut control)?;
         let value = control.__bindgen_anon_1;
-        // SAFETY: both are integers in bytes that were zeros or written by the kernel.
+        // SAFETY: both variants are integers, in bytes that were zeroed or written by the kernel.
         Ok(unsafe { if is_64 { value.value64 } else { i64::from(value.value) } })
     }
 
-    /// Sets a control that is a number. What does not fit 32 bits of a control that has no more is refused as out of range.
+    /// Sets an integer control of 32 bits, or of 64 bits if `is_64`.
     ///
     /// # Errors
-    /// The driver refuses it.
-    pub(crate) fn set_number(&self, id: u32, is_64: bool, value: i64) -> Result<(), CallError> {
+    /// The driver refuses the value, or it does not fit into 32 bits.
+    pub(crate) fn set_integer_control(&self, id: u32, is_64: bool, value: i64) -> Result<(), CallError> {
         let mut control: v4l2_ext_control = v4l2_ext_control { id, ..zeroed() };
         if is_64 {
             control.__bindgen_anon_1.value64 = value;
@@ -258,12 +262,12 @@ impl Device {
         self.call_controls(&S_EXT_CTRLS, &mut control)
     }
 
-    /// Value of a control that is a text of at most `longest` bytes.
+    /// Reads a string control of at most `max_bytes`.
     ///
     /// # Errors
     /// The driver refuses it.
-    pub(crate) fn text(&self, id: u32, longest: u32) -> Result<String, CallError> {
-        let size = longest.min(LONGEST_TEXT) + 1;
+    pub(crate) fn string_control(&self, id: u32, max_bytes: u32) -> Result<String, CallError> {
+        let size = max_bytes.min(MAX_STRING_BYTES) + 1;
         let mut bytes = vec![0_u8; size as usize];
         let mut control = v4l2_ext_control { id, size, ..zeroed() };
         control.__bindgen_anon_1.string = bytes.as_mut_ptr().cast();
@@ -272,14 +276,14 @@ impl Device {
         Ok(String::from_utf8_lossy(&bytes[..end]).into_owned())
     }
 
-    /// Sets a control that is a text.
+    /// Sets a string control.
     ///
     /// # Errors
     /// The driver refuses it.
-    pub(crate) fn set_text(&self, id: u32, value: &CString) -> Result<(), CallError> {
+    pub(crate) fn set_string_control(&self, id: u32, value: &CString) -> Result<(), CallError> {
         let mut bytes = value.as_bytes_with_nul().to_vec();
         let mut control = v4l2_ext_control { id, size: bytes.len() as u32, ..zeroed() };
-        // The kernel may only write as many bytes as `size` says, into bytes that are ours.
+        // The kernel may write up to `size` bytes, so it gets a copy of that size.
         control.__bindgen_anon_1.string = bytes.as_mut_ptr().cast();
         self.call_controls(&S_EXT_CTRLS, &mut control)
     }
@@ -292,12 +296,12 @@ impl Device {
         let mut controls: v4l2_ext_controls = zeroed();
         controls.__bindgen_anon_1.which = V4L2_CTRL_WHICH_CUR_VAL;
         controls.count = 1;
-        // Outlives the call, as does the text it may point to.
+        // The control and the string that it may point to outlive the call.
         controls.controls = control;
         self.call(request, &mut controls)
     }
 
-    /// Maps the planes of a buffer of a stream, and shows that the driver does not have it: that is so after `REQBUFS`.
+    /// Maps the planes of a buffer of a stream, and returns its token: after `REQBUFS` the driver owns no buffer.
     ///
     /// # Errors
     /// The driver refuses it, or the memory cannot be mapped.
@@ -306,9 +310,9 @@ impl Device {
         kind: BufferKind,
         stream: u64,
         index: u32,
-    ) -> Result<(Vec<Mapping>, Held), CallError> {
+    ) -> Result<(Vec<Mapping>, BufferToken), CallError> {
         let mut planes = [zeroed(); MAX_PLANES];
-        let mut buffer = v4l2_buffer { index, ..buffer(kind, &mut planes) };
+        let mut buffer = v4l2_buffer { index, ..buffer_argument(kind, &mut planes) };
         self.call(&QUERYBUF, &mut buffer)?;
         // SAFETY: integers in bytes that the kernel wrote.
         let single = unsafe { [buffer.m.offset, buffer.length] };
@@ -319,46 +323,50 @@ impl Device {
         };
         let map = |[offset, length]: [u32; 2]| self.map(i64::from(offset), length as usize, stream, index);
         let mappings = places.into_iter().map(map).collect::<Result<_, _>>()?;
-        Ok((mappings, Held { stream, index }))
+        Ok((mappings, BufferToken { stream, index }))
     }
 
     fn map(&self, offset: i64, length: usize, stream: u64, index: u32) -> Result<Mapping, CallError> {
         let fd = self.fd.as_raw_fd();
-        // SAFETY: a new mapping at a place that the kernel chooses touches no memory of this program.
+        // SAFETY: a new mapping at an address that the kernel chooses overlaps no memory of this program.
         let start = unsafe { v4l::v4l2::mmap(ptr::null_mut(), length, PROT_READ, MAP_SHARED, fd, offset) };
         let start = start.map_err(|source| CallError { call: "mmap", source })?.cast();
         Ok(Mapping { start, length, stream, index })
     }
 
-    /// Gives a buffer to the driver. One that it refuses stays held.
+    /// Gives a buffer to the driver.
     ///
     /// # Errors
-    /// The driver refuses it; the buffer comes back with the error.
-    pub(crate) fn queue_buffer(&self, kind: BufferKind, held: Held) -> Result<(), (CallError, Held)> {
+    /// The driver refuses it; its token is returned with the error.
+    pub(crate) fn queue_buffer(&self, kind: BufferKind, token: BufferToken) -> Result<(), (CallError, BufferToken)> {
         let mut planes = [zeroed(); MAX_PLANES];
-        let mut buffer = v4l2_buffer { index: held.index, ..buffer(kind, &mut planes) };
-        self.call(&QBUF, &mut buffer).map_err(|error| (error, held))
+        let mut buffer = v4l2_buffer { index: token.index, ..buffer_argument(kind, &mut planes) };
+        self.call(&QBUF, &mut buffer).map_err(|error| (error, token))
     }
 
-    /// Takes a buffer of a stream back from the driver.
+    /// Takes a filled buffer of a stream back from the driver.
     ///
     /// # Errors
-    /// The driver refuses it: `EAGAIN` where none is filled.
-    pub(crate) fn dequeue_buffer(&self, kind: BufferKind, stream: u64) -> Result<(Held, Filled), CallError> {
+    /// The driver refuses the call, with `EAGAIN` if no buffer is filled.
+    pub(crate) fn dequeue_buffer(
+        &self,
+        kind: BufferKind,
+        stream: u64,
+    ) -> Result<(BufferToken, BufferMetadata), CallError> {
         let mut planes = [zeroed(); MAX_PLANES];
-        let mut buffer = buffer(kind, &mut planes);
+        let mut buffer = buffer_argument(kind, &mut planes);
         self.call(&DQBUF, &mut buffer)?;
         let [start, end] = match kind.planes {
             None => [0, buffer.bytesused],
             Some(_) => [planes[0].data_offset, planes[0].bytesused],
         };
-        let filled = Filled {
+        let metadata = BufferMetadata {
             flags: buffer.flags,
             sequence: buffer.sequence,
             stamp: [buffer.timestamp.tv_sec, buffer.timestamp.tv_usec],
             bytes: [start as usize, end as usize],
         };
-        Ok((Held { stream, index: buffer.index }, filled))
+        Ok((BufferToken { stream, index: buffer.index }, metadata))
     }
 }
 
@@ -368,11 +376,11 @@ impl AsFd for Device {
     }
 }
 
-/// A buffer of a kind, its planes in `planes`, which must outlive it.
-fn buffer(kind: BufferKind, planes: &mut [v4l2_plane; MAX_PLANES]) -> v4l2_buffer {
+/// Returns the argument of a call about a buffer. It points to `planes`, which must outlive it.
+fn buffer_argument(kind: BufferKind, planes: &mut [v4l2_plane; MAX_PLANES]) -> v4l2_buffer {
     let mut buffer = v4l2_buffer { type_: kind.code, memory: MEMORY_MMAP, ..zeroed() };
     if let Some(count) = kind.planes {
-        // No more than there are, whatever the driver says of its format.
+        // At most the length of `planes`, whatever number the driver reports.
         buffer.length = count.min(MAX_PLANES as u32);
         buffer.m.planes = planes.as_mut_ptr();
     }
@@ -380,14 +388,14 @@ fn buffer(kind: BufferKind, planes: &mut [v4l2_plane; MAX_PLANES]) -> v4l2_buffe
 }
 
 impl Mapping {
-    /// The bytes from one place to another, as far as they exist; none without the buffer they belong to.
-    pub(crate) fn bytes<'a>(&'a self, held: &'a Held, [start, end]: [usize; 2]) -> &'a [u8] {
-        if (held.stream, held.index) != (self.stream, self.index) {
+    /// Returns the bytes of a range, as far as they exist. Returns none if the token is that of another buffer.
+    pub(crate) fn bytes<'a>(&'a self, token: &'a BufferToken, [start, end]: [usize; 2]) -> &'a [u8] {
+        if (token.stream, token.index) != (self.stream, self.index) {
             return &[];
         }
         let end = end.min(self.length);
-        // SAFETY: mapped for reading until this is dropped, `length` bytes long; while the buffer is held, the driver writes
-        // nothing: giving it away takes the `Held` that is lent here.
+        // SAFETY: the memory is mapped for reading until this is dropped, and `length` bytes long. The driver does not
+        // write while the token is borrowed, because queueing the buffer would consume the token.
         let all = unsafe { std::slice::from_raw_parts(self.start, self.length) };
         all.get(start..end).unwrap_or(&[])
     }
@@ -395,19 +403,19 @@ impl Mapping {
 
 impl Drop for Mapping {
     fn drop(&mut self) {
-        // SAFETY: mapped by `Device::map` with this length, and nobody has its bytes any more. It cannot fail for such a
-        // mapping, and if it did, the memory would stay mapped, which harms nobody.
+        // SAFETY: `Device::map` mapped the memory with this length, and no slice of it exists any more. Unmapping such
+        // a mapping cannot fail; if it did, the memory would only stay mapped.
         let _ = unsafe { v4l::v4l2::munmap(self.start.cast_mut().cast(), self.length) };
     }
 }
 
-/// The format of a single-planar device.
+/// Returns the format of a single-planar device.
 pub(crate) fn single_planar(format: &mut v4l2_format) -> &mut v4l2_pix_format {
     // SAFETY: integers only, in bytes that are initialized.
     unsafe { &mut format.fmt.pix }
 }
 
-/// The format of a multi-planar device; it is packed, so it is copied.
+/// Returns a copy of the format of a multi-planar device; its struct is packed.
 pub(crate) fn multi_planar(format: &v4l2_format) -> v4l2_pix_format_mplane {
     // SAFETY: as above.
     unsafe { format.fmt.pix_mp }
@@ -418,14 +426,14 @@ pub(crate) fn set_multi_planar(format: &mut v4l2_format, value: v4l2_pix_format_
     format.fmt.pix_mp = value;
 }
 
-/// Parameters of a capture stream.
+/// Returns the parameters of a capture stream.
 pub(crate) fn capture_parameters(parameters: &mut v4l2_streamparm) -> &mut v4l2_captureparm {
     // SAFETY: as above.
     unsafe { &mut parameters.parm.capture }
 }
 
-/// A size of an enumeration: least and greatest width and height; the same where there is one.
-pub(crate) fn sizes(size: &v4l2_frmsizeenum) -> [v4l2_frmsize_discrete; 2] {
+/// Returns the least and the greatest size of an enumerated item; they are equal if the size is discrete.
+pub(crate) fn frame_sizes(size: &v4l2_frmsizeenum) -> [v4l2_frmsize_discrete; 2] {
     // SAFETY: as above.
     unsafe {
         if size.type_ == v4l::v4l_sys::v4l2_frmsizetypes_V4L2_FRMSIZE_TYPE_DISCRETE {
@@ -437,8 +445,9 @@ pub(crate) fn sizes(size: &v4l2_frmsizeenum) -> [v4l2_frmsize_discrete; 2] {
     }
 }
 
-/// A frame interval of an enumeration: shortest and longest, seconds; the same where there is one.
-pub(crate) fn intervals(interval: &v4l2_frmivalenum) -> [v4l2_fract; 2] {
+/// Returns the shortest and the longest frame interval of an enumerated item, seconds; they are equal if the interval
+/// is discrete.
+pub(crate) fn frame_intervals(interval: &v4l2_frmivalenum) -> [v4l2_fract; 2] {
     // SAFETY: as above.
     unsafe {
         if interval.type_ == v4l::v4l_sys::v4l2_frmivaltypes_V4L2_FRMIVAL_TYPE_DISCRETE {
@@ -449,14 +458,14 @@ pub(crate) fn intervals(interval: &v4l2_frmivalenum) -> [v4l2_fract; 2] {
     }
 }
 
-/// Name and number of an item of a menu: which of both counts depends on the kind of menu.
+/// Returns the name and the number of a menu item. The kind of the menu decides which of them is valid.
 pub(crate) fn menu_item(item: &v4l2_querymenu) -> ([u8; 32], i64) {
     let content = item.__bindgen_anon_1;
     // SAFETY: as above.
     unsafe { (content.name, content.value) }
 }
 
-/// Timings of a digital video signal.
+/// Returns the timings of a digital video signal.
 pub(crate) fn video_timings(timings: &v4l2_dv_timings) -> v4l2_bt_timings {
     let content = timings.__bindgen_anon_1;
     // SAFETY: as above.

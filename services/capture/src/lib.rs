@@ -1,7 +1,7 @@
-//! The capture service: one V4L2 camera in, images in shared memory out.
+//! The capture service: takes images from one V4L2 camera and publishes them in shared memory.
 //!
-//! Each camera has a process of its own: a driver that hangs holds up that camera alone, and its death costs no image of the
-//! other. An image is copied once, out of the driver's buffer into the memory that the phase service reads.
+//! Each camera has its own process. If a driver hangs or its process dies, the other camera loses no image. An image is
+//! copied once, from the driver's buffer into the memory that the phase service reads.
 
 mod camera;
 mod capture;
@@ -24,7 +24,7 @@ use fringeflow_runtime::{Host, ServiceArgs, ServiceError};
 
 use capture::Capture;
 
-/// Runs the service of a camera until it is to end.
+/// Runs the capture service of a camera until it is asked to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
@@ -36,16 +36,16 @@ pub fn run(arguments: &ServiceArgs, id: CameraId) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, name)?;
     let mut capture = Capture::open(&host, id)?;
     loop {
-        // Asked before the driver is, so that what it has filled by then is not left.
+        // Checked before the buffers are read, so that buffers filled before the request are still published.
         let is_last = host.stop.is_requested();
-        capture.turn(&mut host, is_last)?;
+        capture.run_once(&mut host, is_last)?;
         if is_last {
             break;
         }
-        if host.beat_is_due() {
+        if host.is_heartbeat_due() {
             capture.report(&mut host);
         }
-        host.tend(|_, now_ns| capture.ensure_connected(now_ns));
+        host.check_connections(|_, now_ns| capture.ensure_connected(now_ns));
     }
     capture.report(&mut host);
     Ok(())

@@ -1,33 +1,37 @@
-//! What happens to a camera beside its images: counted always, logged when it begins and now and then while it lasts.
+//! Incidents of a camera, on their way to the account and the log.
+//!
+//! Each incident is counted. Of each kind the first one is logged; further ones are logged at most once every ten
+//! seconds.
 
 use fringeflow_message::Incident;
 use fringeflow_runtime::{Account, AccountError, clock};
 
-/// Time between two log lines about the same kind of incident, nanoseconds.
-const QUIET_NS: u64 = 10_000_000_000;
+/// Shortest time between two log lines about the same kind of incident, nanoseconds.
+const LOG_INTERVAL_NS: u64 = 10_000_000_000;
 
-/// Incidents on their way to account and log.
+/// Incidents that wait to be counted and logged.
 #[derive(Debug, Default)]
-pub(crate) struct Notes {
+pub(crate) struct IncidentLog {
+    /// Kind, count and log text of each.
     waiting: Vec<(Incident, u64, String)>,
-    /// Per kind: when it was logged last, and how often it happened since.
+    /// Per kind: time of the last log line, and number of incidents since then.
     logged: [Option<(u64, u64)>; Incident::ALL.len()],
 }
 
-impl Notes {
-    /// Takes an incident, and the words for the log.
-    pub(crate) fn add(&mut self, incident: Incident, words: impl Into<String>) {
-        self.add_many(incident, 1, words);
+impl IncidentLog {
+    /// Adds an incident and its text for the log.
+    pub(crate) fn add(&mut self, incident: Incident, text: impl Into<String>) {
+        self.add_many(incident, 1, text);
     }
 
-    /// Takes incidents of the same kind.
-    pub(crate) fn add_many(&mut self, incident: Incident, count: u64, words: impl Into<String>) {
+    /// Adds incidents of the same kind.
+    pub(crate) fn add_many(&mut self, incident: Incident, count: u64, text: impl Into<String>) {
         if count > 0 {
-            self.waiting.push((incident, count, words.into()));
+            self.waiting.push((incident, count, text.into()));
         }
     }
 
-    /// Counts and logs what was taken.
+    /// Counts and logs the waiting incidents.
     ///
     /// # Errors
     /// The account cannot be written.
@@ -36,10 +40,10 @@ impl Notes {
             return Ok(());
         }
         let now_ns = clock::now_ns();
-        for (incident, count, words) in self.waiting.drain(..) {
+        for (incident, count, text) in self.waiting.drain(..) {
             account.note(incident, count)?;
             let Some(logged) = self.logged.get_mut(incident as usize) else { continue };
-            if let Some(line) = line(logged, count, &words, now_ns) {
+            if let Some(line) = log_line(logged, count, &text, now_ns) {
                 tracing::warn!(incident = incident.name(), "{line}");
             }
         }
@@ -47,19 +51,19 @@ impl Notes {
     }
 }
 
-/// The log line of `count` more incidents of a kind; `None` while the last one is fresh.
-fn line(logged: &mut Option<(u64, u64)>, count: u64, words: &str, now_ns: u64) -> Option<String> {
+/// Returns the log line for `count` more incidents of a kind; `None` if the last line is too recent.
+fn log_line(logged: &mut Option<(u64, u64)>, count: u64, text: &str, now_ns: u64) -> Option<String> {
     match logged {
-        Some((last_ns, since)) if now_ns.saturating_sub(*last_ns) < QUIET_NS => {
+        Some((last_ns, since)) if now_ns.saturating_sub(*last_ns) < LOG_INTERVAL_NS => {
             *since += count;
             None
         }
         _ => {
             let before = logged.replace((now_ns, 0)).map_or(0, |(_, since)| since);
             Some(if before > 0 {
-                format!("{words} (and {before} times since the last message)")
+                format!("{text} (and {before} times since the last message)")
             } else {
-                words.to_owned()
+                text.to_owned()
             })
         }
     }
@@ -70,12 +74,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lasting_fault_is_said_now_and_then_with_its_number() {
+    fn a_lasting_fault_is_logged_every_ten_seconds_with_its_count() {
         let mut logged = None;
         let second_ns = 1_000_000_000;
-        let lines: Vec<Option<String>> = (0..25).map(|s| line(&mut logged, 2, "no image", s * second_ns)).collect();
-        let said: Vec<usize> = (0..25).filter(|&s| lines[s].is_some()).collect();
-        assert_eq!(said, [0, 10, 20]);
+        let lines: Vec<Option<String>> = (0..25).map(|s| log_line(&mut logged, 2, "no image", s * second_ns)).collect();
+        let logged_at: Vec<usize> = (0..25).filter(|&s| lines[s].is_some()).collect();
+        assert_eq!(logged_at, [0, 10, 20]);
         assert_eq!(lines[0].as_deref(), Some("no image"));
         assert_eq!(lines[10].as_deref(), Some("no image (and 18 times since the last message)"));
     }

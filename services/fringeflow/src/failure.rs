@@ -1,4 +1,4 @@
-//! What can go wrong in a command, and the exit code it ends with.
+//! Errors of the commands, and their exit codes.
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -16,86 +16,86 @@ use fringeflow_runtime::{ArgumentError, ServiceError};
 use fringeflow_supervisor::RunError;
 use fringeflow_transport::TransportError;
 
-/// Why a command did not finish.
+/// Why a command did not succeed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
-    /// Arguments that cannot be carried out, or an input that can be read but not worked with.
+    /// Invalid arguments, or an input that can be read but not used.
     #[error("{0}")]
     Usage(String),
-    /// A dataset folder.
+    /// Error in a dataset folder.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// An instance that could not be run.
+    /// An instance could not be run.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// What a service was started with.
+    /// Invalid arguments of a service.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// A service that ended.
+    /// Error that ended a service.
     #[error(transparent)]
     Service(#[from] ServiceError),
-    /// The channels.
+    /// Error of the channels.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// The account of a run does not add up.
+    /// The counts of a run do not add up.
     #[error("the balance does not add up, please report this: {0}")]
     Imbalance(String),
-    /// A recording.
+    /// Error in a recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// A recording that was checked and is not whole.
+    /// A checked recording is damaged.
     #[error(transparent)]
     Damaged(RecordingError),
-    /// Recorded clouds that are not those of their images, or faults in what was checked.
+    /// Recorded clouds or poses differ from those computed again, or a checked recording has faults.
     #[error("{0}")]
-    Refuted(String),
+    Mismatch(String),
     /// No measurement succeeded.
     #[error("{0}")]
-    Unmeasured(String),
-    /// All was done, but something had been lost before.
+    NothingMeasured(String),
+    /// The command did its work, but data are missing.
     #[error("{0}")]
     Losses(String),
-    /// A recording that cannot be measured with.
+    /// The recording does not allow a measurement.
     #[error("{0}")]
     NotMeasurable(String),
-    /// A calibration file.
+    /// Error in a calibration file.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
-    /// A configuration file.
+    /// Error in a configuration file.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
-    /// The file of a segment table.
+    /// Error in the file of a segment table.
     #[error(transparent)]
     SegmentFile(#[from] SegmentFileError),
-    /// A cloud that could not be written.
+    /// A cloud could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
-    /// Standard output that went away.
+    /// Standard output was closed.
     #[error("standard output: {0}")]
     Output(#[from] std::io::Error),
-    /// An output that could not be written.
+    /// An output could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
 }
 
 impl Failure {
-    /// An input that cannot be worked with, in the words of the module that refused it.
+    /// The input or the arguments cannot be used; the message is that of `error`.
     pub(crate) fn unusable(error: impl std::fmt::Display) -> Self {
         Self::Usage(error.to_string())
     }
 
-    /// 3: done, but something was lost; 2: wrong usage, configuration or input; 1: the work itself failed.
+    /// 3: finished, but data are missing; 2: wrong usage, configuration or input; 1: the work itself failed.
     fn exit_code(&self) -> u8 {
         match self {
             Self::Losses(_) => 3,
             Self::Run(RunError::Transport(error)) | Self::Transport(error) => 1 + u8::from(error.is_lasting()),
-            Self::Run(RunError::Hopeless { .. } | RunError::Recording(_)) | Self::Argument(_) => 2,
+            Self::Run(RunError::CannotRun { .. } | RunError::Recording(_)) | Self::Argument(_) => 2,
             Self::Service(error) => 1 + u8::from(error.is_lasting()),
             Self::Run(_) | Self::Imbalance(_) => 1,
             Self::Recording(RecordingError { problem: RecordingProblem::Exists, .. }) => 2,
             Self::Recording(error) if error.problem.is_about_writing() => 1,
             Self::Recording(_) | Self::NotMeasurable(_) => 2,
-            Self::Damaged(_) | Self::Refuted(_) | Self::Unmeasured(_) => 1,
+            Self::Damaged(_) | Self::Mismatch(_) | Self::NothingMeasured(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,
@@ -104,9 +104,9 @@ impl Failure {
         }
     }
 
-    /// Prints the error and yields the exit code.
+    /// Prints the error to standard error and returns the exit code.
     pub(crate) fn report(&self) -> ExitCode {
-        // A closed standard error leaves nobody to tell.
+        // A failure is ignored: if standard error is closed, there is no other place for the message.
         let _ = writeln!(std::io::stderr(), "fringeflow: {self}");
         ExitCode::from(self.exit_code())
     }

@@ -1,4 +1,4 @@
-//! Options of every command; the services of an instance are started with the same.
+//! Global options. The services of an instance are started with the same ones.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -8,35 +8,36 @@ use fringeflow_simd::Level;
 
 use crate::failure::Failure;
 
-/// Options of every command.
+/// Options that every subcommand takes.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Globals {
-    /// Number of worker threads. By default all cores work. The results are the same.
+    /// Number of worker threads. The default is one per core. The results do not depend on it.
     #[arg(long, global = true, value_name = "N", help_heading = HEADING)]
     threads: Option<usize>,
-    /// Highest instruction set of the kernels. By default the best of this machine is used. The results are the same.
+    /// Highest instruction set for the kernels. The default is the best of this machine. The results do not depend on
+    /// it.
     #[arg(long, global = true, value_name = "LEVEL", value_parser = level(), help_heading = HEADING)]
     simd: Option<Level>,
-    /// Format of log lines. By default the environment variable FRINGEFLOW_LOG_FORMAT sets it, else it is text.
+    /// Format of log lines. The default is the environment variable FRINGEFLOW_LOG_FORMAT, else text.
     #[arg(long, global = true, value_name = "FORMAT", help_heading = HEADING)]
     log_format: Option<LogFormat>,
 }
 
 /// Heading of the global options in the help.
 const HEADING: &str = "Global options";
-/// The last line in the help of every subcommand.
+/// Last line of the help of every subcommand.
 const NOTE: &str = "Global options: see `fringeflow --help`";
 
-/// Shows the global options in the help of the whole command alone. Subcommands still take them.
-pub(crate) fn shown_once(command: clap::Command) -> clap::Command {
+/// Hides the global options in the help of the subcommands, which still accept them.
+pub(crate) fn hide_in_subcommands(command: clap::Command) -> clap::Command {
     let globals = command.get_arguments().filter(|argument| argument.is_global_set());
     let hidden: Vec<clap::Arg> = globals.map(|argument| argument.clone().hide(true)).collect();
-    // Subcommands of subcommands inherit them as they are here.
-    let quiet = |subcommand: clap::Command| subcommand.args(&hidden).after_help(NOTE);
-    command.mut_subcommands(|subcommand| quiet(subcommand).mut_subcommands(|inner| inner.after_help(NOTE)))
+    // Nested subcommands inherit the hidden options.
+    let hide = |subcommand: clap::Command| subcommand.args(&hidden).after_help(NOTE);
+    command.mut_subcommands(|subcommand| hide(subcommand).mut_subcommands(|nested| nested.after_help(NOTE)))
 }
 
-/// Takes the name of an instruction set that this machine has.
+/// Parses the name of an instruction set; refuses one that this machine lacks.
 fn level() -> impl TypedValueParser<Value = Level> {
     PossibleValuesParser::new(Level::ALL.map(Level::name)).try_map(|name| {
         let available = Level::ALL.into_iter().filter(|level| level.is_available());
@@ -47,7 +48,7 @@ fn level() -> impl TypedValueParser<Value = Level> {
 }
 
 impl Globals {
-    /// Sets what kernels run on in this process: the number of worker threads, and the instruction set.
+    /// Sets the number of worker threads and the instruction set of the kernels in this process.
     pub(crate) fn set_up_kernels(&self) -> Result<(), Failure> {
         if let Some(level) = self.simd {
             level.limit_to();
@@ -59,12 +60,12 @@ impl Globals {
         use_threads(threads).map_err(|e| Failure::Usage(format!("--threads {threads}: {e}")))
     }
 
-    /// Starts logging in this process, which calls itself so.
+    /// Starts logging in this process. The log lines carry the name `process`.
     pub(crate) fn start_log(&self, process: &'static str) {
         log::start(process, self.log_format);
     }
 
-    /// As a service is given them.
+    /// The options as arguments for a service.
     pub(crate) fn to_command_line(self) -> Vec<String> {
         let threads = self.threads.map(|n| ["--threads".to_owned(), n.to_string()]);
         let log_format = self.log_format.map(|format| ["--log-format".to_owned(), format.name().to_owned()]);

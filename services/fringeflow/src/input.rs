@@ -1,4 +1,4 @@
-//! What a cloud is made of: the phase images of a dataset folder or of a recording, by number.
+//! Input of the reconstruction: the phase images of a dataset folder or of a recording, by number.
 
 use std::ops::Range;
 use std::path::Path;
@@ -11,7 +11,7 @@ use fringeflow_recording::{ImagePair, Priors, Recording, TruthPoses, cycle_start
 
 use crate::failure::Failure;
 
-/// From one image of a folder to the next, where only their order matters.
+/// Assumed time between two images of a folder. Only their order matters.
 const FOLDER_SPACING_NS: u64 = 10_000_000;
 
 /// An opened input.
@@ -23,7 +23,7 @@ pub(crate) enum Input {
 }
 
 impl Input {
-    /// Opens a folder or a recording; `unit` is used where a folder states none.
+    /// Opens a folder or a recording. `unit` applies if a folder does not state one.
     pub(crate) fn open(path: &Path, unit: Option<Unit>) -> Result<Self, Failure> {
         if !path.is_file() {
             return Ok(Self::Folder(Box::new(Dataset::open(path, unit)?)));
@@ -47,7 +47,7 @@ impl Input {
         }
     }
 
-    /// The settings that apply unless others are given: those that were recorded.
+    /// The default settings: those of the recording, or the built-in ones for a folder.
     pub(crate) fn configuration(&self) -> Result<Configuration, Failure> {
         match self {
             Self::Folder(_) => Ok(Configuration::default()),
@@ -55,7 +55,7 @@ impl Input {
         }
     }
 
-    /// What is true of the scene, where it is known.
+    /// The truth of the scene; `None` if it is unknown.
     pub(crate) fn truth(&self) -> Result<Option<Truth>, Failure> {
         match self {
             Self::Folder(dataset) => Ok(dataset.truth()?),
@@ -63,7 +63,10 @@ impl Input {
         }
     }
 
-    /// The folder, for methods that need more images than a recording has.
+    /// The dataset folder, for methods that need Gray-code images.
+    ///
+    /// # Errors
+    /// The input is a recording, which has only phase images.
     pub(crate) fn folder(&self) -> Result<&Dataset, Failure> {
         match self {
             Self::Folder(dataset) => Ok(dataset),
@@ -74,44 +77,50 @@ impl Input {
     }
 
     /// Number of image pairs.
-    pub(crate) fn available(&self) -> usize {
+    pub(crate) fn pair_count(&self) -> usize {
         match self {
             Self::Folder(dataset) => dataset.setup.sequence.shifts_rad.len(),
             Self::Recording(_, pairs) => pairs.len(),
         }
     }
 
-    /// The image pairs that are used unless others are asked for, a cycle and so many more, or fewer where they are missing: the
-    /// first complete cycle and those about it, or where the motion of the object is known, those about the moment of the truth.
-    pub(crate) fn usual_images(&self, extra: usize) -> Result<Range<usize>, Failure> {
+    /// The default image pairs: a cycle and `extra` more, or fewer if the input lacks them. If the motion of the object
+    /// is known, they are those around the time of the truth. Otherwise they are the first complete cycle and the pairs
+    /// around it.
+    pub(crate) fn default_images(&self, extra: usize) -> Result<Range<usize>, Failure> {
         if self.setup().motion.is_some() {
             let wanted = self.setup().reference_images(self.setup().steps + extra);
-            let start = (0..self.available()).find(|&n| self.image(n) == Some(wanted.start as u64));
+            let start = (0..self.pair_count()).find(|&n| self.image_number(n) == Some(wanted.start as u64));
             let found = start.map(|start| start..start + wanted.len());
-            let is_whole =
-                |found: &Range<usize>| found.clone().map(|n| self.image(n)).eq(wanted.clone().map(|k| Some(k as u64)));
-            if let Some(found) = found.filter(is_whole) {
+            // A recording may lack some of these images.
+            let is_complete = |found: &Range<usize>| {
+                found.clone().map(|n| self.image_number(n)).eq(wanted.clone().map(|k| Some(k as u64)))
+            };
+            if let Some(found) = found.filter(is_complete) {
                 return Ok(found);
             }
         }
         Ok(self.widened(self.cycles()?.swap_remove(0), extra))
     }
 
-    /// Middle of some image pairs, counted as the description of the input counts its images.
-    pub(crate) fn middle(&self, numbers: &[usize]) -> f64 {
-        let images: Vec<f64> = numbers.iter().filter_map(|&n| self.image(n)).map(|image| image as f64).collect();
+    /// Mean image number of some image pairs, as the description of the input numbers its images.
+    pub(crate) fn middle_image(&self, numbers: &[usize]) -> f64 {
+        let images: Vec<f64> = numbers.iter().filter_map(|&n| self.image_number(n)).map(|image| image as f64).collect();
         images.iter().sum::<f64>() / images.len().max(1) as f64
     }
 
-    /// Which image of the description an image pair is: an imported dataset numbers its images as the driver does.
-    fn image(&self, number: usize) -> Option<u64> {
+    /// Number of an image pair in the description of the input; in a recording, its sequence number.
+    fn image_number(&self, number: usize) -> Option<u64> {
         match self {
-            Self::Folder(_) => (number < self.available()).then_some(number as u64),
+            Self::Folder(_) => (number < self.pair_count()).then_some(number as u64),
             Self::Recording(_, pairs) => pairs.get(number).map(|pair| pair.cam1.sequence),
         }
     }
 
-    /// The image pairs of all complete cycles, one at least; a folder is one.
+    /// The image pairs of all complete cycles, at least one; for a folder only the first cycle.
+    ///
+    /// # Errors
+    /// The recording has no complete cycle.
     pub(crate) fn cycles(&self) -> Result<Vec<Range<usize>>, Failure> {
         let steps = self.setup().steps;
         let starts = match self {
@@ -119,24 +128,24 @@ impl Input {
             Self::Recording(_, pairs) => cycle_starts(pairs, steps).collect(),
         };
         if starts.is_empty() {
-            let what = format!("its {} image pairs hold no complete cycle of {steps} steps", self.available());
+            let what = format!("its {} image pairs hold no complete cycle of {steps} steps", self.pair_count());
             return Err(self.unusable(&what));
         }
         Ok(starts.into_iter().map(|start| start..start + steps).collect())
     }
 
-    /// A cycle and so many image pairs more, half of them before it where there are as many; fewer where they are missing.
+    /// Extends a cycle by `extra` image pairs, half of them before it if possible; by fewer if the input lacks them.
     pub(crate) fn widened(&self, cycle: Range<usize>, extra: usize) -> Range<usize> {
         let Range { mut start, mut end } = cycle;
         let wanted = end - start + extra;
         let mut before = extra / 2;
         loop {
             let (can_start, can_end) = (start > 0 && self.follows(start), self.follows(end));
-            let at_front = can_start && (before > 0 || !can_end);
-            if end - start >= wanted || !(at_front || can_end) {
+            let extends_start = can_start && (before > 0 || !can_end);
+            if end - start >= wanted || !(extends_start || can_end) {
                 return start..end;
             }
-            if at_front {
+            if extends_start {
                 (start, before) = (start - 1, before.saturating_sub(1));
             } else {
                 end += 1;
@@ -144,7 +153,7 @@ impl Input {
         }
     }
 
-    /// What windows of a recording were told of those before them; nothing of a folder.
+    /// The recorded priors; none for a folder.
     pub(crate) fn priors(&self) -> Result<Priors, Failure> {
         match self {
             Self::Folder(_) => Ok(Priors::default()),
@@ -152,14 +161,14 @@ impl Input {
         }
     }
 
-    /// When the last of some image pairs came, nanoseconds.
+    /// Arrival time of the last of some image pairs, nanoseconds; 0 for a folder.
     pub(crate) fn received_ns(&self, numbers: &[usize]) -> u64 {
         let Self::Recording(_, pairs) = self else { return 0 };
         let pairs = numbers.iter().filter_map(|&number| pairs.get(number));
         pairs.map(|pair| pair.cam1.received_ns.max(pair.cam2.received_ns)).max().unwrap_or_default()
     }
 
-    /// When image pairs were taken; those of a folder as if [`FOLDER_SPACING_NS`] apart.
+    /// Exposure times of some image pairs; those of a folder are taken to be [`FOLDER_SPACING_NS`] apart.
     pub(crate) fn times(&self, numbers: &[usize]) -> WindowTimes {
         let time = |number: usize| self.exposure_ns(number).unwrap_or(number as u64 * FOLDER_SPACING_NS);
         let times = || numbers.iter().map(|&number| time(number));
@@ -167,7 +176,7 @@ impl Input {
         WindowTimes { exposures_ns, images: numbers.len() }
     }
 
-    /// Whether an image pair comes right behind the one before it.
+    /// Whether an image pair directly follows the previous one.
     pub(crate) fn follows(&self, number: usize) -> bool {
         let (steps, Some(before)) = (self.setup().steps, number.checked_sub(1)) else { return false };
         match self {
@@ -181,8 +190,8 @@ impl Input {
         }
     }
 
-    /// The image pairs of complete windows of so many pairs within a range; from one to the next at least `every` pairs. A
-    /// folder has no windows but its one cycle.
+    /// The complete windows of `images` image pairs within a range, their starts at least `every` pairs apart. For a
+    /// folder the range itself is the only window.
     pub(crate) fn windows(&self, within: &Range<usize>, images: usize, every: usize) -> Vec<Range<usize>> {
         let Self::Recording(_, pairs) = self else { return vec![within.clone()] };
         let mut next = within.start;
@@ -196,23 +205,23 @@ impl Input {
         found
     }
 
-    /// Start of the exposure of an image pair since that of the first, seconds; a folder knows no times.
+    /// Start of the exposure of an image pair after that of the first, seconds; `None` for a folder.
     pub(crate) fn exposure_s(&self, number: usize) -> Option<f64> {
         Some(self.seconds_since_first(self.exposure_ns(number)?))
     }
 
-    /// From the first exposure to a time, seconds.
+    /// Time since the start of the first exposure, seconds.
     pub(crate) fn seconds_since_first(&self, time_ns: u64) -> f64 {
         time_ns.saturating_sub(self.exposure_ns(0).unwrap_or_default()) as f64 * 1e-9
     }
 
-    /// Start of the exposure of an image pair, nanoseconds; a folder knows no times.
+    /// Start of the exposure of an image pair, nanoseconds; `None` for a folder.
     pub(crate) fn exposure_ns(&self, number: usize) -> Option<u64> {
         let Self::Recording(_, pairs) = self else { return None };
         Some(pairs.get(number)?.cam1.exposure_start_ns)
     }
 
-    /// Where the object truly was; without any pose where that is not known.
+    /// The true poses of the object; empty if they are unknown.
     pub(crate) fn truth_poses(&self) -> Result<TruthPoses, Failure> {
         match self {
             Self::Folder(_) => Ok(TruthPoses::default()),
@@ -229,7 +238,7 @@ impl Input {
         }
     }
 
-    /// Images of both cameras by number.
+    /// The images of both cameras for these image pairs.
     pub(crate) fn images(&self, numbers: &[usize]) -> Result<[Vec<GreyImage>; 2], Failure> {
         let [cam1, cam2] = CameraId::BOTH.map(|camera| match self {
             Self::Folder(dataset) => Ok(dataset.phase_images(camera, numbers)?),
@@ -241,7 +250,7 @@ impl Input {
         Ok([cam1?, cam2?])
     }
 
-    /// The input can be read, but not worked with.
+    /// An error that names the input: it can be read, but not used.
     pub(crate) fn unusable(&self, problem: &dyn std::fmt::Display) -> Failure {
         Failure::Usage(format!("{}: {problem}", self.path().display()))
     }

@@ -1,4 +1,4 @@
-//! One JSON object on standard output, for programs that read what a command has to say.
+//! One JSON object on standard output, for other programs.
 
 use std::io::Write as _;
 

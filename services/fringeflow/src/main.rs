@@ -23,14 +23,14 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use commands::Command;
 use globals::Globals;
 
-/// Keeps the pages of freed images for the next ones; the system's allocator gives large blocks back at once and spends a
-/// fifth of a reconstruction in page faults.
+/// Keeps the pages of freed images for the next ones. The system's allocator returns large blocks to the kernel at
+/// once, and a reconstruction then spends a fifth of its time in page faults.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Structured-light 3D scanning by fringe projection: point clouds in real time from a few phase-shifted images.
 ///
-/// Phase unwrapping needs the geometry of the rig alone, and no Gray code.
+/// Phase unwrapping needs only the geometry of the rig, no Gray code.
 #[derive(Parser)]
 #[command(name = "fringeflow", version, about, max_term_width = 110)]
 struct Cli {
@@ -41,7 +41,7 @@ struct Cli {
 }
 
 fn main() -> ExitCode {
-    let mut command = globals::shown_once(Cli::command());
+    let mut command = globals::hide_in_subcommands(Cli::command());
     let matches = command.get_matches_mut();
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit());
     match cli.globals.set_up_kernels().and_then(|()| cli.command.run(&cli.globals)) {

@@ -1,17 +1,17 @@
-//! The methods by which images become a cloud.
+//! Methods that reconstruct a cloud from images.
 
 use fringeflow::cloud::Cloud;
 use fringeflow_lab::evaluation::{cgc, egc};
 
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::proposed::{Proposed, ProposedArgs};
+use crate::proposed::{ProposedArgs, ProposedOutput};
 
-/// How correspondences are found.
+/// Method that finds the correspondences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Method {
-    /// The proposed method: phase images alone.
+    /// The proposed method: phase images only.
     Pa,
     /// Full Gray code with epipolar lines.
     Egc,
@@ -19,27 +19,28 @@ pub(crate) enum Method {
     Cgc,
 }
 
-/// A cloud and, for the proposed method, what it was made of.
-pub(crate) struct Made {
+/// A cloud, and for the proposed method its full result.
+pub(crate) struct MethodOutput {
     pub(crate) cloud: Cloud,
-    pub(crate) proposed: Option<Proposed>,
+    pub(crate) proposed: Option<ProposedOutput>,
 }
 
-impl Made {
-    /// Middle of its images, counted in those of the input; `None` for what Gray code found, at its own moment.
-    pub(crate) fn image(&self) -> Option<f64> {
-        self.proposed.as_ref().map(|proposed| proposed.image)
+impl MethodOutput {
+    /// Mean number of the images of the cloud, as the input numbers them. `None` for the Gray-code methods, whose
+    /// clouds show the object at the time of the truth.
+    pub(crate) fn middle_image(&self) -> Option<f64> {
+        self.proposed.as_ref().map(|proposed| proposed.middle_image)
     }
 }
 
 impl Method {
-    /// Makes the cloud of an input; `proposed` matters to the proposed method alone.
-    pub(crate) fn run(self, input: &Input, proposed: &ProposedArgs) -> Result<Made, Failure> {
-        let reference = |cloud: Cloud| Made { cloud, proposed: None };
+    /// Reconstructs the cloud of an input. Only the proposed method uses the options `proposed`.
+    pub(crate) fn run(self, input: &Input, proposed: &ProposedArgs) -> Result<MethodOutput, Failure> {
+        let reference = |cloud: Cloud| MethodOutput { cloud, proposed: None };
         match self {
             Self::Pa => {
                 let proposed = proposed.reconstruct(input)?;
-                Ok(Made { cloud: proposed.reconstruction.cloud.clone(), proposed: Some(proposed) })
+                Ok(MethodOutput { cloud: proposed.reconstruction.cloud.clone(), proposed: Some(proposed) })
             }
             Self::Egc => Ok(reference(egc(input.folder()?)?)),
             Self::Cgc => Ok(reference(cgc(input.folder()?)?)),

@@ -1,4 +1,4 @@
-//! The folders that a command writes its files to.
+//! Output folders of the commands.
 
 use std::path::Path;
 
@@ -6,12 +6,12 @@ use tempfile::TempDir;
 
 use fringeflow_base::atomic_file::{WriteError, WriteProblem};
 
-/// Makes the folder if it is missing, before the work whose results go there.
+/// Creates the folder if it is missing. Call it before the work whose results go there.
 pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {
     std::fs::create_dir_all(folder).map_err(|e| WriteError { path: folder.to_owned(), problem: WriteProblem::Io(e) })
 }
 
-/// Makes a folder that is removed with what is returned.
+/// Creates a temporary folder, removed when the result is dropped.
 pub(crate) fn temporary() -> Result<TempDir, WriteError> {
     tempfile::tempdir().map_err(|e| WriteError { path: std::env::temp_dir(), problem: WriteProblem::Io(e) })
 }

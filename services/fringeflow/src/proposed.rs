@@ -22,135 +22,135 @@ use crate::values::one_of;
 /// Arguments of the proposed method.
 #[derive(clap::Args, Default)]
 pub(crate) struct ProposedArgs {
-    /// Use N phase images, evenly chosen. By default all are used.
+    /// Use N of the phase images, evenly spaced. The default is all.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
-    /// Use phase images A to B, without B; of a recording, image pairs. More images than a cycle compensate motion. The
-    /// default is the first complete cycle, or for known motion the cycle about the moment of the truth, with the images
-    /// around it that --extra-images adds.
-    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "extra_images")]
+    /// Use phase images A to B, without B; for a recording, image pairs. More images than a cycle compensate motion.
+    /// The default is the first complete cycle, or with known motion the cycle around the time of the truth, and the
+    /// images that --extra-images adds around it.
+    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "extra_images")]
     frames: Option<Range<usize>>,
     #[command(flatten)]
     measuring: MeasuringArgs,
 }
 
-/// Windows before the one that is asked for, of which it knows: two clouds tell a motion, four more of its noise than of what it
-/// changed by.
-const WINDOWS_BEFORE: usize = 9;
+/// Number of windows before the requested one from which its prior is computed. Two clouds give a motion of the
+/// scanner; further clouds reduce its noise.
+const PRECEDING_WINDOWS: usize = 9;
 
-/// Arguments of how images are measured.
+/// Options for the reconstruction of a window of images.
 #[derive(clap::Args, Default)]
 pub(crate) struct MeasuringArgs {
-    /// Image pairs beyond a cycle that compensate motion, 0 to 8. The default is that of the configuration, else 2, with
-    /// three steps 3.
+    /// Image pairs beyond a cycle that compensate motion, 0 to 8. The default is that of the configuration, else 2, or
+    /// 3 with three steps.
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u8).range(0..=8))]
     extra_images: Option<u8>,
-    /// TOML file with settings, see configs/reconstruct.toml. The default is those of the recording.
+    /// TOML file with settings, see configs/reconstruct.toml. The default is the settings of the recording.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Use no prior: ignore what earlier windows showed of the motion and the scene.
+    /// Use no prior: ignore what earlier windows showed of motion and scene.
     #[arg(long)]
     pub(crate) no_prior: bool,
-    /// How pixels with several candidates are decided. paper is a slow reference. The default is that of the configuration,
-    /// else semi-global.
+    /// Method that decides pixels with several candidates. paper is a slow reference. The default is that of the
+    /// configuration, else semi-global.
     #[arg(long, value_name = "METHOD", value_parser = one_of(&ResolutionMethod::ALL, ResolutionMethod::name))]
     resolution: Option<ResolutionMethod>,
-    /// Least confidence of a point, 0 to 1. The default is that of the configuration, else 0.8.
-    #[arg(long, value_name = "P", value_parser = probability)]
+    /// Minimum confidence of a point, 0 to 1. The default is that of the configuration, else 0.8.
+    #[arg(long, value_name = "P", value_parser = parse_probability)]
     min_confidence: Option<f32>,
     /// File of the segment table. It is read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
 }
 
-/// What the proposed method made of an input.
-pub(crate) struct Proposed {
+/// Result of the proposed method.
+pub(crate) struct ProposedOutput {
     pub(crate) reconstruction: Reconstruction,
-    /// Middle of its images, counted in those of the input.
-    pub(crate) image: f64,
-    /// What is as it should be.
+    /// Mean number of its images, as the input numbers them.
+    pub(crate) middle_image: f64,
+    /// Limits of the health quantities.
     pub(crate) limits: HealthLimits,
 }
 
 impl ProposedArgs {
-    /// Nothing but a resolution.
+    /// Default options with this resolution.
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
         let measuring = MeasuringArgs { resolution: Some(method), ..MeasuringArgs::default() };
         Self { measuring, ..Self::default() }
     }
 
-    /// The resolution alone, all else by default.
-    pub(crate) fn resolution_alone(&self) -> Self {
+    /// Default options with the resolution of these options.
+    pub(crate) fn resolution_only(&self) -> Self {
         self.measuring.resolution.map_or_else(Self::default, Self::with_resolution)
     }
 
     /// Reconstructs an input.
-    pub(crate) fn reconstruct(&self, input: &Input) -> Result<Proposed, Failure> {
+    pub(crate) fn reconstruct(&self, input: &Input) -> Result<ProposedOutput, Failure> {
         let configuration = self.measuring.configuration(input)?;
         let chosen = self.images(input, &configuration)?;
         let bar = progress::bar("segment table", 2);
         let reconstructor = self.measuring.reconstructor(input, &chosen, &configuration)?;
         bar.inc(1);
         bar.set_message("correspondences");
-        let reconstruction = self.reconstruct_knowing(input, &chosen, &configuration, reconstructor)?;
+        let reconstruction = self.reconstruct_with_prior(input, &chosen, &configuration, reconstructor)?;
         let reconstruction = reconstruction.map_err(|e| input.unusable(&e));
         bar.finish_and_clear();
-        let image = input.middle(&chosen.numbers);
-        Ok(Proposed { reconstruction: reconstruction?, image, limits: configuration.health })
+        let middle_image = input.middle_image(&chosen.numbers);
+        Ok(ProposedOutput { reconstruction: reconstruction?, middle_image, limits: configuration.health })
     }
 
-    /// Reconstructs images with what is known of them beforehand: what the recording says, or else what the windows before them
-    /// tell.
-    fn reconstruct_knowing(
+    /// Reconstructs images with their recorded prior, or else with one computed from the windows before them. The inner
+    /// error means that the images yield no cloud.
+    fn reconstruct_with_prior(
         &self,
         input: &Input,
         chosen: &Images,
         configuration: &Configuration,
         mut reconstructor: Reconstructor,
     ) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
-        if !self.measuring.takes_prior(input, configuration) {
+        if !self.measuring.uses_priors(input, configuration) {
             return try_reconstruct(input, &mut reconstructor, chosen, None);
         }
         let priors = input.priors()?;
         if !priors.is_empty() {
             let settled = priors.last_settled(input.received_ns(&chosen.numbers), &input.times(&chosen.numbers));
-            let known = settled.and_then(|(_, prior)| prior);
-            return try_reconstruct(input, &mut reconstructor, chosen, known);
+            let prior = settled.and_then(|(_, prior)| prior);
+            return try_reconstruct(input, &mut reconstructor, chosen, prior);
         }
         let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());
         let mut stream = TrackedStream::new(reconstructor, tracker);
-        for images in self.windows_before(input, chosen) {
-            if let Ok(made) = try_reconstruct_next(input, &mut stream, &images)? {
-                stream.track(&made, &input.times(&images.numbers));
+        for images in self.preceding_windows(input, chosen) {
+            if let Ok(reconstruction) = try_reconstruct_next(input, &mut stream, &images)? {
+                stream.track(&reconstruction, &input.times(&images.numbers));
             }
         }
         try_reconstruct_next(input, &mut stream, chosen)
     }
 
-    /// The windows that tell what is known of the images beforehand: those just before, each an image pair behind the last; none
-    /// where images compensate no motion.
-    fn windows_before(&self, input: &Input, chosen: &Images) -> Vec<Images> {
+    /// The windows just before the chosen images, each one image pair after the other, oldest first. None if the chosen
+    /// images are at most a cycle, which compensates no motion.
+    fn preceding_windows(&self, input: &Input, chosen: &Images) -> Vec<Images> {
         let (count, first) = (chosen.numbers.len(), chosen.numbers.first().copied().unwrap_or_default());
         if count <= chosen.cycle_rad.len() {
             return Vec::new();
         }
-        let starts = (1..=WINDOWS_BEFORE).map_while(|back| {
+        let starts = (1..=PRECEDING_WINDOWS).map_while(|back| {
             let start = first.checked_sub(back)?;
             input.follows(start + 1).then_some(start)
         });
         let mut windows: Vec<Images> =
-            starts.filter_map(|start| Images::in_turn(input, start..start + count).ok()).collect();
+            starts.filter_map(|start| Images::consecutive(input, start..start + count).ok()).collect();
         windows.reverse();
         windows
     }
 
     /// The phase images to use.
     fn images(&self, input: &Input, configuration: &Configuration) -> Result<Images, Failure> {
-        let (available, steps) = (input.available(), input.setup().steps);
+        let (available, steps) = (input.pair_count(), input.setup().steps);
         let Range { start, end } = match &self.frames {
             Some(frames) => frames.clone(),
-            None if self.steps.is_some() => input.usual_images(0)?,
-            None => input.usual_images(configuration.settings.window_images(steps) - steps)?,
+            None if self.steps.is_some() => input.default_images(0)?,
+            None => input.default_images(configuration.settings.window_images(steps) - steps)?,
         };
         if start >= end || end > available {
             let what = match input {
@@ -162,24 +162,28 @@ impl ProposedArgs {
             )));
         }
         match self.steps {
-            None => Images::in_turn(input, start..end),
-            Some(steps) => Images::thinned_out(input, start..end, steps),
+            None => Images::consecutive(input, start..end),
+            Some(steps) => Images::evenly_spaced(input, start..end, steps),
         }
     }
 }
 
-/// Phase images that make one cloud, by number, in the order of their times.
+/// Phase images of one cloud, by number, in the order of their exposures.
 pub(crate) struct Images {
     pub(crate) numbers: Vec<usize>,
-    /// Phase shifts of one cycle, rad; where there are more images than these, the scene may have moved.
+    /// Phase shifts of one cycle, rad. With more images than shifts, the reconstruction compensates motion.
     cycle_rad: Vec<f64>,
-    /// Place of the first image in the cycle.
+    /// Index of the first image in the cycle.
     first_step: usize,
 }
 
 impl Images {
-    /// Images that show the steps of the cycle in turn; fewer than a cycle are one of their own.
-    pub(crate) fn in_turn(input: &Input, images: Range<usize>) -> Result<Self, Failure> {
+    /// Consecutive images, which show the steps of the cycle in order. Fewer than a cycle count as a cycle of their
+    /// own.
+    ///
+    /// # Errors
+    /// The images do not show the steps in order.
+    pub(crate) fn consecutive(input: &Input, images: Range<usize>) -> Result<Self, Failure> {
         let (numbers, shifts): (Vec<usize>, Vec<f64>) =
             images.filter_map(|number| Some((number, input.shift_rad(number)?))).unzip();
         let cycle_rad = input.setup().cycle_shifts_rad();
@@ -197,8 +201,11 @@ impl Images {
         }
     }
 
-    /// So many images, evenly chosen, as a cycle of their own.
-    pub(crate) fn thinned_out(input: &Input, images: Range<usize>, steps: usize) -> Result<Self, Failure> {
+    /// `steps` of the images, evenly spaced, as a cycle of their own.
+    ///
+    /// # Errors
+    /// `steps` does not divide the number of images.
+    pub(crate) fn evenly_spaced(input: &Input, images: Range<usize>, steps: usize) -> Result<Self, Failure> {
         let count = images.len();
         if steps == 0 || !count.is_multiple_of(steps) {
             return Err(Failure::Usage(format!(
@@ -212,9 +219,9 @@ impl Images {
 }
 
 impl MeasuringArgs {
-    /// The settings of the file, or else those recorded with the input, and what the arguments change of them.
+    /// The settings of the file, or else those of the input, changed by the other options.
     pub(crate) fn configuration(&self, input: &Input) -> Result<Configuration, Failure> {
-        let mut configuration = configuration(self.config.as_deref(), input)?;
+        let mut configuration = read_configuration(self.config.as_deref(), input)?;
         if let Some(method) = self.resolution {
             configuration.settings.matching.method = method;
         }
@@ -227,12 +234,13 @@ impl MeasuringArgs {
         Ok(configuration)
     }
 
-    /// Whether a window is given what those before it tell: as the recording was made, and of dataset folders.
-    pub(crate) fn takes_prior(&self, input: &Input, configuration: &Configuration) -> bool {
+    /// Whether windows use a prior: always for a dataset folder, for a recording if its configuration provides priors.
+    /// `--no-prior` switches them off.
+    pub(crate) fn uses_priors(&self, input: &Input, configuration: &Configuration) -> bool {
         !self.no_prior && (configuration.tracking.takes_priors() || matches!(input, Input::Folder(_)))
     }
 
-    /// What reconstructs images that show the same steps as these.
+    /// A reconstructor for images with the same steps as these.
     pub(crate) fn reconstructor(
         &self,
         input: &Input,
@@ -243,33 +251,33 @@ impl MeasuringArgs {
         let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
             input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
         })?;
-        let measured = Measured { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
-        reconstructor(input, images, &measured, configuration, self.segment_table.as_deref())
+        let geometry = Geometry { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
+        reconstructor(input, images, &geometry, configuration, self.segment_table.as_deref())
     }
 }
 
-/// What images are measured with.
-pub(crate) struct Measured<'a> {
+/// Geometry of a measurement.
+pub(crate) struct Geometry<'a> {
     pub(crate) rig: &'a Rig,
     pub(crate) volume: &'a MeasurementVolume,
     pub(crate) pattern: &'a FringePattern,
 }
 
-/// The settings of a file, or else those that were recorded with the input.
-pub(crate) fn configuration(file: Option<&Path>, input: &Input) -> Result<Configuration, Failure> {
+/// Reads the settings of a file, or else those of the input.
+pub(crate) fn read_configuration(file: Option<&Path>, input: &Input) -> Result<Configuration, Failure> {
     file.map_or_else(|| input.configuration(), |file| Ok(Configuration::read(file)?))
 }
 
-/// What reconstructs images of an input that show the same steps as these.
+/// A reconstructor for images of an input with the same steps as these.
 pub(crate) fn reconstructor(
     input: &Input,
     images: &Images,
-    measured: &Measured<'_>,
+    geometry: &Geometry<'_>,
     configuration: &Configuration,
     segment_table: Option<&Path>,
 ) -> Result<Reconstructor, Failure> {
     let shifts = PhaseShifts::new(&images.cycle_rad).map_err(|e| input.unusable(&e))?;
-    let Measured { rig, volume, pattern } = measured;
+    let Geometry { rig, volume, pattern } = geometry;
     let table = SegmentTable::load_or_build(segment_table, rig, volume, pattern).map_err(|e| match e {
         SegmentFileError::Table(problem) => input.unusable(&problem),
         e => Failure::SegmentFile(e),
@@ -277,7 +285,7 @@ pub(crate) fn reconstructor(
     Reconstructor::new(rig, pattern, table, &shifts, configuration.settings).map_err(|e| input.unusable(&e))
 }
 
-/// Reconstructs these images.
+/// Reconstructs these images without a prior.
 pub(crate) fn reconstruct(
     input: &Input,
     reconstructor: &mut Reconstructor,
@@ -286,19 +294,19 @@ pub(crate) fn reconstruct(
     try_reconstruct(input, reconstructor, images, None)?.map_err(|e| input.unusable(&e))
 }
 
-/// Reconstructs these images; that they yield no cloud is a result.
+/// Reconstructs these images. The inner error means that they yield no cloud.
 fn try_reconstruct(
     input: &Input,
     reconstructor: &mut Reconstructor,
     images: &Images,
-    known: Option<(&Prior, Moment)>,
+    prior: Option<(&Prior, Moment)>,
 ) -> Result<Result<Reconstruction, ReconstructionError>, Failure> {
     let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
-    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, known))
+    Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, prior))
 }
 
-/// Reconstructs the next images of a stream; that they yield no cloud is a result.
+/// Reconstructs the next images of a stream. The inner error means that they yield no cloud.
 pub(crate) fn try_reconstruct_next(
     input: &Input,
     stream: &mut TrackedStream,
@@ -309,14 +317,14 @@ pub(crate) fn try_reconstruct_next(
     Ok(stream.reconstruct(images.first_step, &cam1, &cam2, &input.times(&images.numbers)))
 }
 
-/// A number between 0 and 1.
-fn probability(text: &str) -> Result<f32, String> {
+/// Parses a number from 0 to 1.
+fn parse_probability(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|p| (0.0..=1.0).contains(p));
     number.ok_or_else(|| format!("{text:?} is not a probability; give a number from 0 to 1"))
 }
 
-/// `A..B` as a range.
-pub(crate) fn frames(text: &str) -> Result<Range<usize>, String> {
+/// Parses a range written as `A..B`.
+pub(crate) fn parse_range(text: &str) -> Result<Range<usize>, String> {
     let wrong = || format!("{text:?} is not a range; write 0..4 for the first four");
     let (start, end) = text.split_once("..").ok_or_else(wrong)?;
     Ok(start.parse().map_err(|_| wrong())?..end.parse().map_err(|_| wrong())?)

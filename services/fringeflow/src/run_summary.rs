@@ -1,4 +1,4 @@
-//! The end of a run in figures: what each stage took, put out and dropped, and how long it took.
+//! Summary of a finished run: the counts and latencies of each stage, losses and health.
 
 use std::fmt;
 use std::io::Write as _;
@@ -12,21 +12,21 @@ use fringeflow_telemetry::{DriftFigures, HealthRecord, Latency, Losses, Pace, Sk
 use crate::failure::Failure;
 use crate::json;
 
-/// A run in figures.
+/// Figures of a run.
 #[derive(serde::Serialize)]
 pub(crate) struct Summary<'a> {
     stages: Vec<StageFigures>,
     /// From the start of the last exposure of a cloud to its publication.
     exposure_to_cloud: Option<Latency>,
-    /// Of the last window, where the resolution measures it.
+    /// Drift in the last window; `None` if the resolution does not measure it.
     #[serde(skip_serializing_if = "Option::is_none")]
     drift: Option<&'a DriftFigures>,
-    /// Over all windows.
+    /// Health over all windows.
     #[serde(skip_serializing_if = "HealthRecord::is_empty")]
     health: &'a HealthRecord,
-    /// What was lost, each loss once.
+    /// Losses, each counted once.
     lost: Losses,
-    /// What rate the machine holds, where windows were left out for lack of time.
+    /// Rate that the machine sustains; `None` unless windows were left out for lack of time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pace: Option<Pace>,
     restarts: u32,
@@ -50,19 +50,19 @@ pub(crate) fn print(summary: &Summary<'_>, json: bool) -> Result<(), Failure> {
     Ok(write!(std::io::stdout(), "{summary}")?)
 }
 
-/// Whether the accounts of a run add up.
+/// Fails if the counts of a run do not add up.
 pub(crate) fn check_balance(outcome: &Outcome) -> Result<(), Failure> {
-    let faults = outcome.balance.faults();
-    faults.first().map_or(Ok(()), |imbalance| Err(Failure::Imbalance(imbalance.to_string())))
+    let imbalances = outcome.balance.imbalances();
+    imbalances.first().map_or(Ok(()), |imbalance| Err(Failure::Imbalance(imbalance.to_string())))
 }
 
-/// Whether a run was well: its balance adds up, and nothing was lost.
-pub(crate) fn judge(outcome: &Outcome) -> Result<(), Failure> {
+/// Fails if the counts of a run do not add up, if data were lost, or if a service ended with an error.
+pub(crate) fn check(outcome: &Outcome) -> Result<(), Failure> {
     check_balance(outcome)?;
     if outcome.balance.0.iter().any(|(_, counts)| counts.losses().next().is_some()) {
         return Err(Failure::Losses(Losses::from_counts(&outcome.balance.0).to_string()));
     }
-    if outcome.ended_badly.is_empty() { Ok(()) } else { Err(Failure::Losses(ended_badly(outcome))) }
+    if outcome.failed_services.is_empty() { Ok(()) } else { Err(Failure::Losses(describe_failed_services(outcome))) }
 }
 
 fn pace(outcome: &Outcome) -> Option<Pace> {
@@ -70,20 +70,21 @@ fn pace(outcome: &Outcome) -> Option<Pace> {
     Pace::new(outcome.run.cloud_rate_hz()?, phase)
 }
 
-fn ended_badly(outcome: &Outcome) -> String {
-    let services: Vec<String> = outcome.ended_badly.iter().map(|(name, how)| format!("{name}: {how}")).collect();
+fn describe_failed_services(outcome: &Outcome) -> String {
+    let services: Vec<String> = outcome.failed_services.iter().map(|(name, how)| format!("{name}: {how}")).collect();
     format!("services ended with errors: {}", services.join(", "))
 }
 
 impl<'a> Summary<'a> {
-    /// The figures of a live run, and where the report on it lies.
-    pub(crate) fn of(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
+    /// Summary of a live run. `report` is the path of its report.
+    pub(crate) fn from_run(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
         let exposure_to_cloud = outcome.run.tally().total().brief();
-        Self { exposure_to_cloud, report, pace: pace(outcome), ..Self::of_replay(outcome, None) }
+        Self { exposure_to_cloud, report, pace: pace(outcome), ..Self::from_replay(outcome, None) }
     }
 
-    /// The figures of a replay, whose exposures are long past, and of the comparison with the recording.
-    pub(crate) fn of_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
+    /// Summary of a replay and its comparison with the recording. It has no latency from exposure to cloud, as the
+    /// exposures are long past.
+    pub(crate) fn from_replay(outcome: &'a Outcome, compared: Option<Compared>) -> Self {
         let stage =
             |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, outcome.run.tally().stage(*stage));
         Self {
@@ -98,7 +99,7 @@ impl<'a> Summary<'a> {
             trace: outcome.trace.as_deref(),
             report: None,
             compared,
-            imbalances: outcome.balance.faults().iter().map(ToString::to_string).collect(),
+            imbalances: outcome.balance.imbalances().iter().map(ToString::to_string).collect(),
         }
     }
 }
@@ -138,7 +139,7 @@ impl fmt::Display for Summary<'_> {
             writeln!(f, "{}", self.health)?;
         }
         if self.restarts > 0 {
-            writeln!(f, "services started again: {}", self.restarts)?;
+            writeln!(f, "service restarts: {}", self.restarts)?;
         }
         for imbalance in &self.imbalances {
             writeln!(f, "does not add up: {imbalance}")?;
@@ -149,7 +150,7 @@ impl fmt::Display for Summary<'_> {
         if let Some(Compared { same, different, new, missing }) = self.compared {
             writeln!(
                 f,
-                "clouds: {same} the same to the last byte, {different} differ, {missing} were not made again, {new} new"
+                "clouds: {same} identical byte by byte, {different} differ, {missing} were not reproduced, {new} new"
             )?;
         }
         for (what, file) in [("recording", self.recording), ("trace", self.trace), ("report", self.report)] {
@@ -161,7 +162,7 @@ impl fmt::Display for Summary<'_> {
     }
 }
 
-/// Three columns, empty where nothing was measured.
+/// The three latency columns, empty if nothing was measured.
 fn times(latency: Option<Latency>) -> String {
     let times = latency.map(|l| [l.p50_ms, l.p99_ms, l.max_ms].map(|ms| format!("{ms:>7.1}")));
     times.unwrap_or_else(|| [""; 3].map(|nothing| format!("{nothing:>7}"))).join(" ")

@@ -1,4 +1,4 @@
-//! The figures behind a reconstruction, as text and JSON.
+//! Statistics of a reconstruction, as text and JSON.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,9 +9,9 @@ use fringeflow::correspondence::{Outcome, OutcomeCounts};
 use fringeflow::phase::Motion;
 use fringeflow_telemetry::health::Quantity;
 
-use crate::proposed::Proposed;
+use crate::proposed::ProposedOutput;
 
-/// What a reconstruction rests on.
+/// Statistics of a reconstruction.
 #[derive(Serialize)]
 pub(crate) struct Statistics {
     /// Mean number of fringe periods on a segment: n.
@@ -20,74 +20,75 @@ pub(crate) struct Statistics {
     pub(crate) delta_mean_rad: f64,
     /// Standard deviation of δ, rad: sd.
     pub(crate) delta_sd_rad: f64,
-    /// What noise contributes to sd, rad.
+    /// Contribution of noise to sd, rad.
     pub(crate) delta_noise_sd_rad: f64,
-    /// Whether sd is beyond what calibrated rigs have.
+    /// Whether sd is larger than that of calibrated rigs.
     pub(crate) delta_suspicious: bool,
     /// Threshold thr = 3·sd, rad.
     pub(crate) threshold_rad: f64,
     /// Expected false candidates per true one by Eq. (1): efc.
     pub(crate) efc_predicted: f64,
-    /// The drift that δ was judged about; none by the paper's resolution.
+    /// Drift of the calibration, about which δ is tested; `None` with the paper's resolution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) drift: Option<DriftFigures>,
-    /// Candidates beyond the chosen one that passed the test, per point.
+    /// Candidates per point that passed the test besides the chosen one.
     pub(crate) efc_measured: f64,
-    /// Share of the points whose pixel had one candidate only, percent.
+    /// Share of the points whose pixel had a single candidate, percent.
     pub(crate) unique_percent: f64,
-    /// Median fit residual ÷ modulation of C1 and C2; none for three steps.
+    /// Median fit residual ÷ modulation of C1 and C2; `None` for three steps.
     pub(crate) fit_residual_share: [Option<f32>; 2],
     /// Noise of C1 and C2, grey levels.
     pub(crate) noise_grey: [f32; 2],
-    /// How the scene moved, as C1 and C2 saw it; none where no more images than a cycle tell.
+    /// Motion of the scene in C1 and C2; `None` if there were no more images than a cycle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) motion: Option<[MotionFigures; 2]>,
     /// Steps by which the patterns of C1 and C2 were ahead of the declared ones; the phases were corrected.
     pub(crate) slip_steps: [usize; 2],
-    /// Pixels of C1 by what became of them.
+    /// Number of pixels of C1 by outcome.
     pub(crate) pixels: BTreeMap<&'static str, u64>,
 }
 
-/// Motion as one camera saw it.
+/// Motion of the scene in the images of one camera.
 #[derive(Serialize)]
 pub(crate) struct MotionFigures {
-    /// Median phase moved from image to image, rad.
+    /// Median of the phase motion per image, rad.
     pub(crate) median_rad: f32,
-    /// What its amount exceeds at one pixel in twenty, rad.
+    /// Magnitude that the phase motion exceeds at one pixel in twenty, rad.
     pub(crate) fast_rad: f32,
-    /// Greatest departure of the brightness of an image from the mean, as a share; compensated.
+    /// Largest relative deviation of the brightness of an image from the mean. It is compensated.
     pub(crate) brightness_share: f32,
-    /// Pixels decoded from the images that show one surface.
+    /// Pixels decoded from a part of their images, which shows a single surface.
     pub(crate) one_surface_pixels: u64,
-    /// Pixels left out for their motion.
+    /// Pixels left out because of their motion.
     pub(crate) lost_pixels: u64,
 }
 
 impl MotionFigures {
-    fn of(motion: &Motion) -> Self {
+    fn from_motion(motion: &Motion) -> Self {
         let Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels } = *motion;
         Self { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels }
     }
 }
 
-/// What the calibration error amounts to, as the images show it.
+/// Drift of the calibration, estimated from the images.
 #[derive(Serialize)]
 pub(crate) struct DriftFigures {
-    /// Root mean square over the measurement volume of δ that it causes, rad.
+    /// Root mean square of the δ that it causes over the measurement volume, rad.
     pub(crate) rms_rad: f64,
-    /// Errors of the parameters that explain it, pixels at the border of an image, root of the sum of squares.
+    /// Errors of the calibration parameters that explain it, pixels at the border of an image; root of the sum of
+    /// squares.
     pub(crate) error_px: f64,
-    /// Standard deviation of δ about it, rad: what is left for noise.
+    /// Standard deviation of δ about the drift, rad: the part that is noise.
     pub(crate) residual_sd_rad: f64,
-    /// Share of pixels with a candidate that agrees with it, in [0, 1].
+    /// Share of the pixels with a candidate that agrees with the drift, in [0, 1].
     pub(crate) share: f64,
-    /// Drift, rad rms, beyond which to calibrate again.
+    /// Drift beyond which the rig should be calibrated again, rad rms.
     pub(crate) limit_rad: f64,
-    /// Whether it is beyond.
+    /// Whether the drift exceeds that limit.
     pub(crate) beyond_limit: bool,
-    /// efc of Eq. (1) with that sd.
+    /// efc of Eq. (1) with the residual sd.
     pub(crate) efc: f64,
-    /// Why the cloud cannot be trusted.
+    /// Quantities beyond their limits: the cloud may hold false points.
     pub(crate) doubts: Vec<Doubt>,
 }
 
@@ -99,17 +100,17 @@ pub(crate) struct Doubt {
     value: f64,
     limit: f64,
     #[serde(skip)]
-    told: Quantity,
+    kind: Quantity,
 }
 
 impl Statistics {
-    /// The figures of a reconstruction.
-    pub(crate) fn of(Proposed { reconstruction: made, limits, .. }: &Proposed) -> Self {
+    /// Statistics of a result of the proposed method.
+    pub(crate) fn new(ProposedOutput { reconstruction, limits, .. }: &ProposedOutput) -> Self {
         let drift_limit_rad = limits.limits_of(Quantity::Drift).warn;
-        let matches = &made.matches;
-        let points = made.cloud.points.len().max(1) as f64;
-        let passing: u64 = made.cloud.points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
-        let unique = made.cloud.points.iter().filter(|p| p.candidates == 1).count();
+        let (matches, points) = (&reconstruction.matches, &reconstruction.cloud.points);
+        let point_count = points.len().max(1) as f64;
+        let additional: u64 = points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
+        let unique = points.iter().filter(|p| p.candidates == 1).count();
         Self {
             mean_periods: matches.delta.mean_periods,
             delta_mean_rad: matches.delta.mean_rad,
@@ -132,19 +133,19 @@ impl Statistics {
                     (Quantity::FalseCandidates, drift.residual_statistics(&matches.delta).expected_false_candidates()),
                 ]
                 .into_iter()
-                .map(|(told, value)| Doubt { quantity: told.name(), value, limit: limits.limits_of(told).warn, told })
+                .map(|(kind, value)| Doubt { quantity: kind.name(), value, limit: limits.limits_of(kind).warn, kind })
                 .filter(|doubt| doubt.value > doubt.limit)
                 .collect(),
             }),
-            efc_measured: passing as f64 / points,
-            unique_percent: 100.0 * unique as f64 / points,
-            fit_residual_share: [made.cam1.fit.residual_share, made.cam2.fit.residual_share],
-            noise_grey: [made.cam1.fit.noise_grey, made.cam2.fit.noise_grey],
-            motion: made
+            efc_measured: additional as f64 / point_count,
+            unique_percent: 100.0 * unique as f64 / point_count,
+            fit_residual_share: [reconstruction.cam1.fit.residual_share, reconstruction.cam2.fit.residual_share],
+            noise_grey: [reconstruction.cam1.fit.noise_grey, reconstruction.cam2.fit.noise_grey],
+            motion: reconstruction
                 .cam1
                 .motion
-                .zip(made.cam2.motion)
-                .map(|(a, b)| [a, b].map(|motion| MotionFigures::of(&motion))),
+                .zip(reconstruction.cam2.motion)
+                .map(|(a, b)| [a, b].map(|motion| MotionFigures::from_motion(&motion))),
             slip_steps: matches.slip_steps,
             pixels: OutcomeCounts::from_outcomes(&matches.outcomes)
                 .iter()
@@ -165,8 +166,8 @@ impl fmt::Display for Statistics {
         if self.delta_suspicious {
             writeln!(
                 f,
-                "warning: δ scatters more than three times as widely as on calibrated rigs; check whether the calibration \
-                 is that of these images and up to date"
+                "warning: δ scatters more than three times as widely as on calibrated rigs; check that the calibration \
+                 belongs to these images and is up to date"
             )?;
         }
         if let Some(drift) = &self.drift {
@@ -175,13 +176,13 @@ impl fmt::Display for Statistics {
                 "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}",
                 drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc
             )?;
-            for Doubt { value, limit, told, .. } in &drift.doubts {
+            for Doubt { value, limit, kind, .. } in &drift.doubts {
                 writeln!(
                     f,
                     "warning: the cloud may hold false points: {} {value:.3}, beyond {limit} ({}); {}",
-                    told.title(),
-                    told.key(),
-                    told.remedy()
+                    kind.title(),
+                    kind.key(),
+                    kind.remedy()
                 )?;
             }
             if drift.beyond_limit {
@@ -196,8 +197,8 @@ impl fmt::Display for Statistics {
         if let Some([cam1, cam2]) = &self.motion {
             writeln!(
                 f,
-                "motion {:+.3} and {:+.3} rad an image (1 in 20 pixels beyond {:.3} and {:.3}), brightness within {:.2} %; \
-                 {} and {} pixels decoded from part of their images, {} and {} left out",
+                "motion {:+.3} and {:+.3} rad per image (1 in 20 pixels beyond {:.3} and {:.3}), brightness within \
+                 {:.2} %; {} and {} pixels decoded from part of their images, {} and {} left out",
                 cam1.median_rad,
                 cam2.median_rad,
                 cam1.fast_rad,
@@ -213,13 +214,13 @@ impl fmt::Display for Statistics {
             let [cam1, cam2] = self.slip_steps;
             writeln!(
                 f,
-                "warning: the patterns of C1 and C2 were {cam1} and {cam2} steps ahead of the declared phase shifts; the \
-                 phases were corrected"
+                "warning: the patterns of C1 and C2 were {cam1} and {cam2} steps ahead of the declared phase shifts; \
+                 the phases were corrected"
             )?;
         }
         writeln!(
             f,
-            "efc {:.3} predicted by Eq. (1), {:.3} measured; {:.2} % of the points had one candidate",
+            "efc {:.3} predicted by Eq. (1), {:.3} measured; {:.2} % of the points had a single candidate",
             self.efc_predicted, self.efc_measured, self.unique_percent
         )?;
         for outcome in Outcome::ALL {

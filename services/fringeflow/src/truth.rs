@@ -1,4 +1,4 @@
-//! Judging a cloud by the truth of its input.
+//! Compares a cloud with the truth of its input.
 
 use fringeflow::cloud::Cloud;
 use fringeflow_dataset::Truth;
@@ -7,10 +7,10 @@ use fringeflow_lab::evaluation::{Evaluation, against_captured, against_rendered_
 use crate::failure::Failure;
 use crate::input::Input;
 
-/// Compares a cloud with the truth of its input; `None` where there is no truth.
+/// Compares a cloud with the truth of its input; returns `None` if the input has no truth.
 ///
-/// `image` is the middle of the cloud's images, counted in those of the input; without it the cloud belongs to the moment
-/// of the truth.
+/// `image` is the mean number of the images of the cloud, as the input numbers them. With `None` the cloud is taken to
+/// show the object at the time of the truth.
 pub(crate) fn evaluate(input: &Input, cloud: &Cloud, image: Option<f64>) -> Result<Option<Evaluation>, Failure> {
     let setup = input.setup();
     let reference = setup.motion.as_ref().map(|motion| motion.reference);
@@ -18,7 +18,7 @@ pub(crate) fn evaluate(input: &Input, cloud: &Cloud, image: Option<f64>) -> Resu
     let evaluation = match input.truth()? {
         Some(Truth::Rendered(truth)) => against_rendered_at(cloud, setup, &truth, image),
         Some(Truth::Captured(_)) if reference.is_some_and(|reference| reference != image) => {
-            let what = "a captured truth holds only at field motion.t_ref; give --frames whose middle is there";
+            let what = "a captured truth is valid only at field motion.t_ref; give --frames with their middle there";
             return Err(input.unusable(&what));
         }
         Some(Truth::Captured(truth)) => against_captured(cloud, setup.image_size_px, &truth),

@@ -1,10 +1,10 @@
-//! Options that take one of a few words: help lists the words, and any other is refused with the list.
+//! Options with a fixed list of values. The help and the error about any other value show the list.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use fringeflow::calibration::Unit;
 
-/// Takes one of `all` by its name.
+/// Parses one of `all` by its name.
 pub(crate) fn one_of<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
@@ -15,7 +15,7 @@ pub(crate) fn one_of<T: Copy + Send + Sync + 'static>(
     })
 }
 
-/// Takes a unit of length.
+/// Parses a unit of length.
 pub(crate) fn unit() -> impl TypedValueParser<Value = Unit> {
     one_of(&[Unit::Millimetre, Unit::Metre], Unit::symbol)
 }

@@ -1,7 +1,7 @@
-//! The recordings of the repository: each is the file that its manifest names, whole, and replays to the bytes that were
-//! recorded, in one process and over the channels, whatever the number of threads.
+//! The recordings of the repository. Each is the file that the manifest describes. Replays in one process and over the
+//! channels reproduce its clouds byte for byte, with any number of threads.
 
-// A helper that cannot prepare its test fails it.
+// A test fails if its preparation fails.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
@@ -10,19 +10,22 @@ use std::process::{Command, Output};
 
 use sha2::{Digest, Sha256};
 
-/// Most bytes of all recordings together.
-const MOST_BYTES: u64 = 25_000_000;
+/// Maximum size of all recordings together, bytes.
+const MAX_BYTES: u64 = 25_000_000;
 
 #[derive(serde::Deserialize)]
 struct Manifest {
     recording: Vec<Entry>,
 }
 
+/// A recording in the manifest.
 #[derive(serde::Deserialize)]
 struct Entry {
     file: String,
     sha256: String,
+    /// The command that made the recording.
     command: String,
+    /// Number of clouds in the recording.
     clouds: u64,
 }
 
@@ -42,7 +45,7 @@ fn fringeflow(arguments: &[&str]) -> Output {
 }
 
 #[track_caller]
-fn json_of(arguments: &[&str]) -> serde_json::Value {
+fn run_json(arguments: &[&str]) -> serde_json::Value {
     let output = fringeflow(arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {:?}\n{errors}", output.status);
@@ -50,7 +53,7 @@ fn json_of(arguments: &[&str]) -> serde_json::Value {
 }
 
 #[test]
-fn the_manifest_names_every_recording_and_its_command() {
+fn the_manifest_lists_every_recording_with_its_checksum_and_command() {
     let mut listed: Vec<String> = entries().iter().map(|entry| entry.file.clone()).collect();
     listed.sort();
     let files = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap());
@@ -60,7 +63,7 @@ fn the_manifest_names_every_recording_and_its_command() {
         .collect();
     found.sort();
     assert_eq!(found.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>(), listed);
-    assert!(found.iter().map(|(_, bytes)| bytes).sum::<u64>() < MOST_BYTES);
+    assert!(found.iter().map(|(_, bytes)| bytes).sum::<u64>() < MAX_BYTES);
     for entry in entries() {
         let bytes = fs::read(folder().join(&entry.file)).unwrap();
         let digest: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -70,12 +73,12 @@ fn the_manifest_names_every_recording_and_its_command() {
 }
 
 #[test]
-fn clouds_are_made_again_to_the_last_byte_in_one_process() {
+fn a_replay_in_one_process_reproduces_every_cloud_byte_for_byte() {
     for entry in entries() {
         let file = folder().join(&entry.file);
-        // One thread and the reference of all kernels; two threads and the best instructions of this machine.
+        // One thread with the portable kernels, and two threads with the best instructions of this machine.
         for kernels in [["--threads", "1", "--simd", "portable"].as_slice(), &["--threads", "2"]] {
-            let report = json_of(&[kernels, &["replay", file.to_str().unwrap(), "--verify", "--json"]].concat());
+            let report = run_json(&[kernels, &["replay", file.to_str().unwrap(), "--verify", "--json"]].concat());
             assert_eq!(report["clouds"], entry.clouds, "{}: {report}", entry.file);
             assert_eq!(report["same"], entry.clouds, "{}: {report}", entry.file);
         }
@@ -83,11 +86,11 @@ fn clouds_are_made_again_to_the_last_byte_in_one_process() {
 }
 
 #[test]
-fn clouds_are_made_again_to_the_last_byte_over_the_channels() {
+fn a_replay_over_the_channels_reproduces_every_cloud_byte_for_byte() {
     for (entry, threads) in entries().into_iter().zip(["1", "2", "1"]) {
         let file = folder().join(&entry.file);
         let arguments = ["--threads", threads, "replay", file.to_str().unwrap(), "--rate", "max", "--verify", "--json"];
-        let report = json_of(&arguments);
+        let report = run_json(&arguments);
         let compared = &report["compared"];
         assert_eq!(compared["same"], entry.clouds, "{}: {report}", entry.file);
         assert_eq!((&compared["different"], &compared["missing"]), (&0.into(), &0.into()), "{}: {report}", entry.file);

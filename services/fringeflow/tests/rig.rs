@@ -1,6 +1,6 @@
-//! `fringeflow rig` from the outside: output, pictures and exit codes.
+//! `fringeflow rig` by the command line: output, pictures and exit codes.
 
-// A helper that cannot prepare its test fails it.
+// A test fails if its preparation fails.
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use fringeflow_lab::simulation::{Board, Object, RigOptions, Simulation, Simulati
 
 const VOLUME: &str = "--volume=-60,-50,280,60,50,320";
 
-/// Writes the calibration, in millimetres, of a rig with C2 and P turned towards the axis of C1.
-fn calibration(folder: &Path) -> PathBuf {
+/// Writes a calibration file, in millimetres. C2 and P are turned towards the axis of C1.
+fn write_rig_calibration(folder: &Path) -> PathBuf {
     let camera = Camera::new([1850.0; 2], [320.0, 256.0], Distortion::default(), [640, 512]);
     let towards_axis = |x: f64| {
         let turn = Pose::rotation([0.0, (x / 0.3).atan(), 0.0].into());
@@ -36,9 +36,9 @@ fn rig(arguments: &[&str]) -> Output {
 }
 
 #[test]
-fn prints_json_with_every_part_and_writes_the_maps() {
+fn rig_prints_every_section_as_json_and_writes_the_maps() {
     let folder = tempfile::tempdir().unwrap();
-    let calibration = calibration(folder.path());
+    let calibration = write_rig_calibration(folder.path());
     let out = folder.path().to_str().unwrap();
     let output = rig(&[calibration.to_str().unwrap(), VOLUME, "--json", "--grid", "32", "-o", out]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -55,9 +55,9 @@ fn prints_json_with_every_part_and_writes_the_maps() {
 }
 
 #[test]
-fn a_volume_file_says_the_same_as_the_numbers() {
+fn a_volume_file_gives_the_same_output_as_the_volume_in_numbers() {
     let folder = tempfile::tempdir().unwrap();
-    let calibration = calibration(folder.path());
+    let calibration = write_rig_calibration(folder.path());
     let file = folder.path().join("volume.json");
     let text = r#"{"R_v": [[1,0,0],[0,1,0],[0,0,1]], "T_v": [0,0,300], "min": [-60,-50,-20], "max": [60,50,20]}"#;
     std::fs::write(&file, text).unwrap();
@@ -71,9 +71,9 @@ fn a_volume_file_says_the_same_as_the_numbers() {
 }
 
 #[test]
-fn wrong_use_ends_with_2_and_says_what_to_do() {
+fn wrong_arguments_end_with_exit_code_2_and_a_message_that_says_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    let calibration = calibration(folder.path());
+    let calibration = write_rig_calibration(folder.path());
     let calibration = calibration.to_str().unwrap();
     let cases: [(&[&str], &str); 6] = [
         (&[calibration], "give --volume"),
@@ -83,16 +83,16 @@ fn wrong_use_ends_with_2_and_says_what_to_do() {
         (&[calibration, VOLUME, "--period", "1"], "projector px"),
         (&[calibration, VOLUME, "--sign", "2"], "possible values: 1, -1"),
     ];
-    for (arguments, said) in cases {
+    for (arguments, says) in cases {
         let output = rig(arguments);
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(error.contains(said), "{arguments:?}: {error}");
+        assert!(error.contains(says), "{arguments:?}: {error}");
     }
 }
 
-/// Writes images of a rig whose calibration makes δ scatter by so much.
-fn images(folder: &Path, size_px: [usize; 2], sd_rad: f64) -> PathBuf {
+/// Simulates a dataset folder. The error of its calibration scatters δ by `sd_rad`.
+fn simulate_images(folder: &Path, size_px: [usize; 2], sd_rad: f64) -> PathBuf {
     let options = SimulationOptions {
         board: Board::Visible,
         rig: RigOptions { size_px, sd_rad, seed: 3, ..RigOptions::usual(0.025) },
@@ -107,23 +107,23 @@ fn images(folder: &Path, size_px: [usize; 2], sd_rad: f64) -> PathBuf {
     path
 }
 
-fn json(arguments: &[&str]) -> serde_json::Value {
+fn rig_json(arguments: &[&str]) -> serde_json::Value {
     let output = rig(&[arguments, &["--json"]].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
 #[test]
-fn images_show_how_far_the_calibration_has_drifted() {
+fn rig_measures_the_drift_of_the_calibration_from_images() {
     let folder = tempfile::tempdir().unwrap();
-    let images = images(folder.path(), [320, 256], 0.123);
+    let images = simulate_images(folder.path(), [320, 256], 0.123);
     let recording = folder.path().join("images.mcap");
     let import = [images.as_os_str(), "-o".as_ref(), recording.as_os_str()];
     assert!(Command::new(env!("CARGO_BIN_EXE_fringeflow")).arg("import").args(import).status().unwrap().success());
     let calibration = images.join("calibration.yml");
     let [calibration, images, recording] = [&calibration, &images, &recording].map(|path| path.to_str().unwrap());
 
-    let report = json(&[calibration, "--images", images, "-o", folder.path().to_str().unwrap()]);
+    let report = rig_json(&[calibration, "--images", images, "-o", folder.path().to_str().unwrap()]);
     let window = &report["windows"][0];
     let rms_rad = window["rms_rad"].as_f64().unwrap();
     assert!((rms_rad / 0.123 - 1.0).abs() < 0.1 && report["median_rms_rad"] == rms_rad, "{report}");
@@ -133,10 +133,10 @@ fn images_show_how_far_the_calibration_has_drifted() {
     let picture = std::fs::read(folder.path().join("drift.png")).unwrap();
     assert!(picture.starts_with(b"\x89PNG"));
 
-    // The same images as a recording, whose window begins with it; the limit is that of the configuration.
+    // The same images as a recording. The window starts at time 0, and the limit comes from the configuration.
     let settings = folder.path().join("settings.toml");
     std::fs::write(&settings, "[health]\ndrift_rad = { warn = 0.2, bad = 0.4 }\n").unwrap();
-    let recorded = json(&[recording, "--images", recording, "--config", settings.to_str().unwrap()]);
+    let recorded = rig_json(&[recording, "--images", recording, "--config", settings.to_str().unwrap()]);
     assert_eq!((&recorded["windows"][0]["rms_rad"], &recorded["windows"][0]["time_s"]), (&rms_rad.into(), &0.0.into()));
     assert_eq!((&recorded["beyond_limit"], &recorded["windows_available"]), (&false.into(), &1.into()));
 
@@ -146,10 +146,10 @@ fn images_show_how_far_the_calibration_has_drifted() {
 }
 
 #[test]
-fn images_that_cannot_tell_the_drift_are_refused_with_what_to_do() {
+fn images_that_do_not_show_the_drift_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
-    let calibration = calibration(folder.path());
-    let images = images(folder.path(), [64, 64], 0.041);
+    let calibration = write_rig_calibration(folder.path());
+    let images = simulate_images(folder.path(), [64, 64], 0.041);
     let missing = folder.path().join("missing");
     let [calibration, images, missing] = [&calibration, &images, &missing].map(|path| path.to_str().unwrap());
     let cases: [(&[&str], &[&str]); 5] = [
@@ -159,10 +159,10 @@ fn images_that_cannot_tell_the_drift_are_refused_with_what_to_do() {
         (&[images, "--images", images, "--grid", "16"], &["--grid"]),
         (&[images, "--windows", "3"], &["--images"]),
     ];
-    for (arguments, said) in cases {
+    for (arguments, says) in cases {
         let output = rig(arguments);
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {error}");
-        assert!(said.iter().all(|said| error.contains(said)), "{arguments:?}: {error}");
+        assert!(says.iter().all(|part| error.contains(part)), "{arguments:?}: {error}");
     }
 }

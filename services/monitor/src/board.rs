@@ -1,4 +1,4 @@
-//! Everything the monitor knows, and how the page is told.
+//! The status of an instance as the monitor knows it, and the JSON messages to the page.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
@@ -16,45 +16,46 @@ use fringeflow_telemetry::{
 };
 
 use crate::events::EventLog;
-use crate::room::Room;
+use crate::room::FreeSpace;
 use crate::services::{ServiceStatus, Services};
 
-/// Points of the time lines, one a second, that are kept for whoever comes later.
-const HISTORY: usize = 600;
+/// Points of the timelines, one per second, that a new page receives.
+const MAX_HISTORY: usize = 600;
 
-/// The state of an instance as the monitor sees it.
+/// The status of an instance as the monitor knows it.
 #[derive(Debug)]
-pub(crate) struct Board {
+pub(crate) struct InstanceStatus {
     instance: String,
     image_size_px: [usize; 2],
     steps: usize,
     rate_hz: f64,
-    /// Folder whose disk holds the recordings.
+    /// Folder of the recordings.
     recordings: PathBuf,
-    /// Address that viewers connect to.
+    /// URL that viewers connect to.
     pub(crate) foxglove: Option<String>,
     pub(crate) tally: Tally,
     pub(crate) window: Option<WindowFigures>,
-    /// Whether clouds are tracked.
+    /// Whether tracking is enabled.
     is_tracked: bool,
-    watch: TrackingWatch,
-    /// As it was at the last turn.
+    tracking_watch: TrackingWatch,
+    /// Figures of the tracking at the end of the last second.
     pub(crate) tracking: Option<TrackingFigures>,
     pub(crate) state: ScanState,
-    /// What a service prepares before the scan can begin.
+    /// Progress of a service that prepares before the scan can begin.
     pub(crate) preparation: Option<Preparation>,
-    /// Skew since the last turn, and in the second before it.
-    skew_span: Skew,
+    /// Skew since the end of the last second.
+    current_skew: Skew,
+    /// Skew in the last second.
     pub(crate) skew: Skew,
-    pub(crate) room: Room,
+    pub(crate) free_space: FreeSpace,
     interval: Interval,
     history: VecDeque<Sample>,
     services: Services,
-    pub(crate) statuses: Vec<ServiceStatus>,
+    pub(crate) service_statuses: Vec<ServiceStatus>,
     pub(crate) events: EventLog,
 }
 
-/// What a stage has done, as the page is told.
+/// Figures of a stage for the page.
 #[derive(Serialize)]
 struct StageEntry {
     #[serde(flatten)]
@@ -64,7 +65,7 @@ struct StageEntry {
     waiting: u64,
 }
 
-impl Board {
+impl InstanceStatus {
     pub(crate) fn new(configuration: &ScannerConfiguration, setup: &Setup, now_ns: u64) -> Self {
         let services: Vec<_> =
             live_services(configuration).into_iter().map(|kind| (kind.name(), kind.stages())).collect();
@@ -79,38 +80,39 @@ impl Board {
             tally: Tally::default(),
             window: None,
             is_tracked: configuration.measurement.tracking.is_enabled,
-            watch: TrackingWatch::default(),
+            tracking_watch: TrackingWatch::default(),
             tracking: None,
             state: ScanState::default(),
             preparation: None,
-            skew_span: Skew::default(),
+            current_skew: Skew::default(),
             skew: Skew::default(),
-            room: Room::of(&configuration.recorder.folder),
+            free_space: FreeSpace::measure(&configuration.recorder.folder),
             interval: Interval::new(now_ns, None),
             history: VecDeque::new(),
-            statuses: services.statuses(),
+            service_statuses: services.statuses(),
             services,
             events: EventLog::default(),
         }
     }
 
-    pub(crate) fn take_report(&mut self, report: &StageReport) {
+    pub(crate) fn add_report(&mut self, report: &StageReport) {
         let journey = self.tally.add(report);
         self.interval.add(report, journey.as_ref());
-        self.skew_span.join(&report.skew);
+        self.current_skew.join(&report.skew);
     }
 
-    pub(crate) fn take_window(&mut self, report: &WindowReport) {
+    pub(crate) fn add_window(&mut self, report: &WindowReport) {
         self.interval.add_window(report);
         self.window = Some(WindowFigures::from_report(report));
     }
 
-    pub(crate) fn take_pose(&mut self, report: &PoseReport) {
-        self.watch.add(report);
+    pub(crate) fn add_pose(&mut self, report: &PoseReport) {
+        self.tracking_watch.add(report);
     }
 
-    /// Ends a second: looks after the services, closes the span of the time lines, and yields the message for the page.
-    pub(crate) fn turn(
+    /// Ends a second: updates services and events, adds a point to the timelines, and returns the message of figures
+    /// for the page.
+    pub(crate) fn end_second(
         &mut self,
         preparation: Option<Preparation>,
         now_ns: u64,
@@ -118,26 +120,26 @@ impl Board {
         clients: usize,
     ) -> String {
         self.preparation = preparation;
-        self.services.look(&self.tally, now_ns);
-        self.statuses = self.services.statuses();
-        self.events.look(&self.tally, &self.state, &self.statuses, wall_ms);
-        self.events.look_at_health(self.window.as_ref().and_then(|window| window.health.as_ref()), wall_ms);
+        self.services.update(&self.tally, now_ns);
+        self.service_statuses = self.services.statuses();
+        self.events.update(&self.tally, &self.state, &self.service_statuses, wall_ms);
+        self.events.update_health(self.window.as_ref().and_then(|window| window.health.as_ref()), wall_ms);
         let counts = self.tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
-        self.tracking = self.watch.figures(&counts, now_ns);
-        self.room = Room::of(&self.recordings);
-        self.skew = std::mem::take(&mut self.skew_span);
+        self.tracking = self.tracking_watch.figures(&counts, now_ns);
+        self.free_space = FreeSpace::measure(&self.recordings);
+        self.skew = std::mem::take(&mut self.current_skew);
         let sample = self.interval.sample(now_ns, wall_ms);
         self.interval = Interval::new(now_ns, Some(&self.interval));
         let figures = self.figures(&sample, clients, now_ns).to_string();
         self.history.push_back(sample);
-        if self.history.len() > HISTORY {
+        if self.history.len() > MAX_HISTORY {
             self.history.pop_front();
         }
         figures
     }
 
-    /// What a page is told first.
-    pub(crate) fn hello(&self) -> String {
+    /// Returns the first message to a page.
+    pub(crate) fn hello_message(&self) -> String {
         let hello = json!({
             "type": "hello",
             "instance": self.instance,
@@ -155,8 +157,8 @@ impl Board {
         hello.to_string()
     }
 
-    /// The events after one, as a message; `None` where there are none.
-    pub(crate) fn events_after(&self, id: u64) -> Option<String> {
+    /// Returns a message with the events after the one with this id; `None` if there are none.
+    pub(crate) fn events_message(&self, id: u64) -> Option<String> {
         let events: Vec<_> = self.events.after(id).collect();
         (!events.is_empty()).then(|| json!({"type": "events", "events": events}).to_string())
     }
@@ -166,9 +168,10 @@ impl Board {
         self.tally.stage(stage).and_then(|of_stage| of_stage.counts.in_work()).unwrap_or(0)
     }
 
-    /// Items that the stages before have put out and this one has not taken, by the last reports of both.
+    /// Items that the previous stages have put out and this stage has not taken, by the last reports of all.
     pub(crate) fn waiting(&self, stage: Stage) -> u64 {
         let Some(of_stage) = self.tally.stage(stage) else { return 0 };
+        // One item of a stage may consist of several items of its source, such as a pair of two images.
         let put_out = sources(stage)
             .iter()
             .map(|source| self.tally.stage(source.from).map_or(0, |before| before.counts.passed / source.items));
@@ -183,7 +186,7 @@ impl Board {
             "sample": sample,
             "state": state_entry(&self.state),
             "preparation": self.preparation.as_ref().map(ToString::to_string),
-            "services": self.statuses,
+            "services": self.service_statuses,
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::from_counts(&counts),
@@ -193,12 +196,13 @@ impl Board {
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),
             "tracking": self.tracking,
-            "room": self.room,
+            "room": self.free_space,
             "clients": clients,
         })
     }
 
-    /// For how long each quantity of health has been in its state, seconds, by name; those that are not known are left out.
+    /// Returns the time that each quantity of health has been in its state, seconds, by name. Unknown quantities are
+    /// left out.
     fn health_for_s(&self, now_ns: u64) -> BTreeMap<&'static str, f64> {
         let health = self.window.as_ref().and_then(|window| window.health.as_ref());
         let quantities = health.into_iter().flat_map(|health| &health.quantities);
@@ -216,7 +220,7 @@ impl Board {
     }
 }
 
-/// What the instance is to do, as the page is told.
+/// Returns the state of the scan as JSON for the page.
 pub(crate) fn state_entry(state: &ScanState) -> Value {
     json!({
         "scanning": state.scanning != 0,

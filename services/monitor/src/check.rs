@@ -1,4 +1,4 @@
-//! Whether the monitor can run as configured, before anything is started.
+//! Checks before a run whether the monitor can run as configured.
 
 use std::net::TcpListener;
 
@@ -6,25 +6,25 @@ use fringeflow_config::{Listen, MonitorConfiguration};
 
 use crate::http::Guard;
 
-/// Looks at the token and at the addresses; what was found, in words.
+/// Checks the token and the addresses, and returns the result as text for the user.
 ///
 /// # Errors
-/// What must change first, with the key of the configuration or the file.
+/// The text says what must change first, with the key of the configuration or the file.
 pub fn check(configuration: &MonitorConfiguration) -> Result<String, String> {
     if !configuration.is_enabled {
         return Ok("off: monitor.enabled is false".to_owned());
     }
     Guard::new(configuration).map_err(|error| error.to_string())?;
-    let dashboard = free("monitor.address", &configuration.dashboard)?;
+    let dashboard = check_address("monitor.address", &configuration.dashboard)?;
     let viewers = match &configuration.foxglove {
-        Some(listen) => free("monitor.foxglove", listen)?,
+        Some(listen) => check_address("monitor.foxglove", listen)?,
         None => "off".to_owned(),
     };
     Ok(format!("dashboard {dashboard}, viewers {viewers}"))
 }
 
-/// Takes an address and leaves it again; a default gives way to any other port.
-fn free(key: &str, listen: &Listen) -> Result<String, String> {
+/// Binds an address and releases it. If the port of a default is taken, any other port will do.
+fn check_address(key: &str, listen: &Listen) -> Result<String, String> {
     let address = listen.address;
     match TcpListener::bind(address) {
         Ok(_) => Ok(address.to_string()),

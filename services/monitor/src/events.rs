@@ -1,5 +1,7 @@
-//! What is worth telling a person: losses, faults, restarts, quantities of health beyond their limits, recordings, marks, as they
-//! begin or go on.
+//! The events that the page lists: losses, faults, restarts, quantities of health beyond their limits, recordings,
+//! marks.
+//!
+//! In: counts and states, about once a second. Out: an event for each change.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -11,10 +13,10 @@ use fringeflow_telemetry::{GaugeFigures, HealthFigures, Tally};
 
 use crate::services::{ServiceState, ServiceStatus};
 
-/// Events that are kept for whoever comes later.
-const KEPT: usize = 100;
+/// Events that are kept for pages that connect later.
+const MAX_EVENTS: usize = 100;
 
-/// How grave an event is.
+/// Severity of an event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Level {
@@ -23,20 +25,20 @@ pub(crate) enum Level {
     Error,
 }
 
-/// Something that happened.
+/// An event.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Event {
     /// Counts up from 1.
     pub(crate) id: u64,
-    /// On the wall clock, Unix milliseconds.
+    /// Time of the wall clock, Unix milliseconds.
     pub(crate) wall_ms: f64,
     pub(crate) level: Level,
-    /// Stage or service.
+    /// Name of a stage or a service, or `instance`, `health` or `mark`.
     pub(crate) source: &'static str,
     pub(crate) text: String,
 }
 
-/// The last events, and what was seen when they were told.
+/// The last events, and the counts and states at the last update.
 #[derive(Debug, Default)]
 pub(crate) struct EventLog {
     events: VecDeque<Event>,
@@ -44,22 +46,23 @@ pub(crate) struct EventLog {
     counts: BTreeMap<Stage, Counts>,
     state: Option<ScanState>,
     services: BTreeMap<&'static str, (ServiceState, u32)>,
-    /// States of health as they were told.
+    /// States of health at the last update.
     health: BTreeMap<Quantity, HealthState>,
 }
 
 impl EventLog {
-    /// Looks what has changed since the last look; about once a second, so that many losses of one kind are one event.
-    pub(crate) fn look(&mut self, tally: &Tally, state: &ScanState, services: &[ServiceStatus], wall_ms: f64) {
+    /// Adds events for what has changed since the last update. Called about once a second, so that many losses of one
+    /// kind are one event.
+    pub(crate) fn update(&mut self, tally: &Tally, state: &ScanState, services: &[ServiceStatus], wall_ms: f64) {
         for (stage, of_stage) in tally.stages() {
-            self.look_at_stage(stage, &of_stage.counts, wall_ms);
+            self.update_stage(stage, &of_stage.counts, wall_ms);
         }
-        self.look_at_state(state, wall_ms);
-        services.iter().for_each(|service| self.look_at_service(service, wall_ms));
+        self.update_state(state, wall_ms);
+        services.iter().for_each(|service| self.update_service(service, wall_ms));
     }
 
-    /// Looks which quantities of health have come to another state.
-    pub(crate) fn look_at_health(&mut self, health: Option<&HealthFigures>, wall_ms: f64) {
+    /// Adds events for quantities of health whose state has changed.
+    pub(crate) fn update_health(&mut self, health: Option<&HealthFigures>, wall_ms: f64) {
         for gauge in health.into_iter().flat_map(|health| &health.quantities) {
             let before = self.health.insert(gauge.quantity, gauge.state).unwrap_or_default();
             let level = match gauge.state {
@@ -68,85 +71,81 @@ impl EventLog {
                 HealthState::Ok | HealthState::NotKnown => Level::Info,
             };
             if GaugeFigures::is_noteworthy_change(before, gauge.state) {
-                self.tell(wall_ms, level, "health", gauge.to_string());
+                self.push(wall_ms, level, "health", gauge.to_string());
             }
         }
     }
 
-    /// The events after one, oldest first.
+    /// Returns the events after the one with this id, oldest first.
     pub(crate) fn after(&self, id: u64) -> impl Iterator<Item = &Event> {
         self.events.iter().filter(move |event| event.id > id)
     }
 
-    /// The last event's number; 0 before any.
+    /// Id of the last event; 0 if there is none.
     pub(crate) fn last_id(&self) -> u64 {
         self.last_id
     }
 
-    fn look_at_stage(&mut self, stage: Stage, counts: &Counts, wall_ms: f64) {
-        // Losses from before the monitor began are told as well.
+    fn update_stage(&mut self, stage: Stage, counts: &Counts, wall_ms: f64) {
+        // At the first update of a stage, this reports losses from before the monitor started.
         let before = self.counts.insert(stage, *counts).unwrap_or_default();
         for (reason, count) in counts.losses() {
             let new = count.saturating_sub(before.dropped(reason));
             if new > 0 {
-                self.tell(
-                    wall_ms,
-                    Level::Warning,
-                    stage.name(),
-                    format!("lost {new} ({}), {count} in all", reason.name()),
-                );
+                let text = format!("lost {new} ({}), {count} in total", reason.name());
+                self.push(wall_ms, Level::Warning, stage.name(), text);
             }
         }
         for (incident, count) in counts.incidents() {
             let new = count.saturating_sub(before.incidents[incident as usize]);
             if new > 0 {
-                let text = format!("survived {} ({new} times, {count} in all)", incident.name());
-                self.tell(wall_ms, Level::Warning, stage.name(), text);
+                let text = format!("survived {} ({new} times, {count} in total)", incident.name());
+                self.push(wall_ms, Level::Warning, stage.name(), text);
             }
         }
     }
 
-    fn look_at_state(&mut self, state: &ScanState, wall_ms: f64) {
+    fn update_state(&mut self, state: &ScanState, wall_ms: f64) {
         let before = self.state.replace(*state).unwrap_or_default();
-        let mut tell = |source: &'static str, text: String| self.tell(wall_ms, Level::Info, source, text);
+        let mut push = |source: &'static str, text: String| self.push(wall_ms, Level::Info, source, text);
         if state.scanning != before.scanning {
-            tell("instance", if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
+            push("instance", if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
         }
         if before.recording != 0 && (state.recording == 0 || state.recordings != before.recordings) {
-            tell("instance", format!("recording ended: {}", before.recording_file.to_text()));
+            push("instance", format!("recording ended: {}", before.recording_file.to_text()));
         }
         if state.recording != 0 && state.recordings != before.recordings {
-            tell("instance", format!("recording: {}", state.recording_file.to_text()));
+            push("instance", format!("recording: {}", state.recording_file.to_text()));
         }
         if state.marks != before.marks {
-            // As it stands in recordings.
-            tell("mark", state.mark.to_text());
+            // The same text as in recordings.
+            push("mark", state.mark.to_text());
         }
     }
 
-    fn look_at_service(&mut self, service: &ServiceStatus, wall_ms: f64) {
+    fn update_service(&mut self, service: &ServiceStatus, wall_ms: f64) {
         let now = (service.state, service.restarts);
         let before = self.services.insert(service.name, now).unwrap_or((ServiceState::Ok, 0));
         if service.restarts > before.1 {
-            let text = format!("started again, restart {}", service.restarts);
-            self.tell(wall_ms, Level::Warning, service.name, text);
+            let text = format!("restarted ({} in total)", service.restarts);
+            self.push(wall_ms, Level::Warning, service.name, text);
         }
         match (before.0, service.state) {
             (before, now) if before == now => {}
             (ServiceState::Silent | ServiceState::Restarting, ServiceState::Ok | ServiceState::Slow) => {
-                self.tell(wall_ms, Level::Info, service.name, "reports again".to_owned());
+                self.push(wall_ms, Level::Info, service.name, "reports again".to_owned());
             }
-            (_, ServiceState::Silent) => self.tell(wall_ms, Level::Error, service.name, service.why.clone()),
-            (_, ServiceState::Restarting) => self.tell(wall_ms, Level::Error, service.name, service.why.clone()),
-            // A stage at its limit flickers; the table of the services tells it.
+            (_, ServiceState::Silent) => self.push(wall_ms, Level::Error, service.name, service.why.clone()),
+            (_, ServiceState::Restarting) => self.push(wall_ms, Level::Error, service.name, service.why.clone()),
+            // A service at its limit changes between the two all the time. The table of the services shows it.
             (_, ServiceState::Ok | ServiceState::Slow) => {}
         }
     }
 
-    fn tell(&mut self, wall_ms: f64, level: Level, source: &'static str, text: String) {
+    fn push(&mut self, wall_ms: f64, level: Level, source: &'static str, text: String) {
         self.last_id += 1;
         self.events.push_back(Event { id: self.last_id, wall_ms, level, source, text });
-        if self.events.len() > KEPT {
+        if self.events.len() > MAX_EVENTS {
             self.events.pop_front();
         }
     }
@@ -168,33 +167,33 @@ mod tests {
     }
 
     #[test]
-    fn losses_and_faults_are_told_once_and_decisions_not_at_all() {
+    fn each_loss_and_fault_is_one_event_and_decisions_are_none() {
         let (mut log, mut counts) = (EventLog::default(), Counts::default());
         counts.drop_many(DropReason::CameraLost, 3);
         counts.drop_many(DropReason::NextStageBusy, 9);
         counts.note(Incident::TimeOut, 1);
         let state = ScanState::default();
-        log.look(&tally(counts), &state, &[], 0.0);
+        log.update(&tally(counts), &state, &[], 0.0);
         assert_eq!(
             texts(&log, 0),
-            ["camera2: lost 3 (camera_lost), 3 in all", "camera2: survived time_out (1 times, 1 in all)"]
+            ["camera2: lost 3 (camera_lost), 3 in total", "camera2: survived time_out (1 times, 1 in total)"]
         );
-        log.look(&tally(counts), &state, &[], 1.0);
+        log.update(&tally(counts), &state, &[], 1.0);
         assert_eq!(log.last_id(), 2);
         counts.drop_one(DropReason::CameraLost);
-        log.look(&tally(counts), &state, &[], 2.0);
-        assert_eq!(texts(&log, 2), ["camera2: lost 1 (camera_lost), 4 in all"]);
+        log.update(&tally(counts), &state, &[], 2.0);
+        assert_eq!(texts(&log, 2), ["camera2: lost 1 (camera_lost), 4 in total"]);
     }
 
     #[test]
-    fn recordings_and_marks_are_told() {
+    fn recordings_and_marks_are_events() {
         let mut log = EventLog::default();
         let mut state = ScanState { scanning: 1, recording: 1, recordings: 1, ..ScanState::default() };
         state.recording_file = Text::new("/a.mcap");
-        log.look(&Tally::default(), &state, &[], 0.0);
+        log.update(&Tally::default(), &state, &[], 0.0);
         (state.recordings, state.recording_file) = (2, Text::new("/b.mcap"));
         (state.marks, state.mark) = (1, Text::new("<ear>"));
-        log.look(&Tally::default(), &state, &[], 0.0);
+        log.update(&Tally::default(), &state, &[], 0.0);
         assert_eq!(
             texts(&log, 0),
             [
@@ -208,23 +207,23 @@ mod tests {
     }
 
     #[test]
-    fn a_service_that_falls_silent_and_returns_is_told() {
+    fn a_service_that_falls_silent_and_returns_is_an_event() {
         let mut log = EventLog::default();
-        let mut look = |state, restarts| {
+        let mut update = |state, restarts| {
             let why = "no report for 3 s".to_owned();
             let service = ServiceStatus { state, why, restarts, ..ServiceStatus::new("phase", &[]) };
             let before = log.last_id();
-            log.look(&Tally::default(), &ScanState::default(), &[service], 0.0);
+            log.update(&Tally::default(), &ScanState::default(), &[service], 0.0);
             texts(&log, before)
         };
-        assert_eq!(look(ServiceState::Ok, 0), Vec::<String>::new());
-        assert_eq!(look(ServiceState::Slow, 0), Vec::<String>::new());
-        assert_eq!(look(ServiceState::Silent, 0), ["phase: no report for 3 s"]);
-        assert_eq!(look(ServiceState::Ok, 1), ["phase: started again, restart 1", "phase: reports again"]);
+        assert_eq!(update(ServiceState::Ok, 0), Vec::<String>::new());
+        assert_eq!(update(ServiceState::Slow, 0), Vec::<String>::new());
+        assert_eq!(update(ServiceState::Silent, 0), ["phase: no report for 3 s"]);
+        assert_eq!(update(ServiceState::Ok, 1), ["phase: restarted (1 in total)", "phase: reports again"]);
     }
 
     #[test]
-    fn a_quantity_beyond_its_limits_is_told_when_its_state_changes() {
+    fn a_quantity_of_health_beyond_its_limits_is_an_event_when_its_state_changes() {
         let mut log = EventLog::default();
         let course = [(0.0, HealthState::NotKnown), (0.04, HealthState::Ok), (0.13, HealthState::Warn)];
         let back = [(0.14, HealthState::Warn), (0.3, HealthState::Bad), (0.07, HealthState::Ok)];
@@ -232,8 +231,8 @@ mod tests {
             let mut report = WindowReport::default();
             report.health.gauges[Quantity::Drift as usize] =
                 GaugeReport { level, warn: 0.1, bad: 0.2, since_ns: 1, state: state as u32, is_known: 1 };
-            log.look_at_health(HealthFigures::from_report(&report).as_ref(), 0.0);
-            log.look_at_health(None, 0.0);
+            log.update_health(HealthFigures::from_report(&report).as_ref(), 0.0);
+            log.update_health(None, 0.0);
         }
         let levels: Vec<Level> = log.after(0).map(|event| event.level).collect();
         assert_eq!(levels, [Level::Warning, Level::Error, Level::Info]);
@@ -248,9 +247,9 @@ mod tests {
         let (mut log, mut counts) = (EventLog::default(), Counts::default());
         for _ in 0..250 {
             counts.drop_one(DropReason::Overrun);
-            log.look(&tally(counts), &ScanState::default(), &[], 0.0);
+            log.update(&tally(counts), &ScanState::default(), &[], 0.0);
         }
-        assert_eq!((log.after(0).count(), log.last_id()), (KEPT, 250));
+        assert_eq!((log.after(0).count(), log.last_id()), (MAX_EVENTS, 250));
         assert_eq!(log.after(249).count(), 1);
     }
 }

@@ -1,11 +1,11 @@
-//! The formats in which metrics are served: the text format of Prometheus, or OpenMetrics where a client asks for it.
+//! The formats of the metrics: the text format of Prometheus, or OpenMetrics if a client asks for it.
 //!
-//! In: OpenMetrics as the registry writes it, and the header `Accept` of a request. Out: a media type and the text. In the text
-//! format a counter is declared under the name of its series, with `_total`, and there are no units and no end mark.
+//! In: the OpenMetrics text of the registry, and the header `Accept` of a request. Out: a media type and the text. The
+//! text format declares a counter under the name of its series, with `_total`, and has no units and no end mark.
 
 use std::collections::HashSet;
 
-/// Format of metrics.
+/// Format of the metrics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Exposition {
     /// OpenMetrics.
@@ -14,16 +14,17 @@ pub(crate) enum Exposition {
     Text,
 }
 
-/// Media type of OpenMetrics, without its parameters.
+/// Media type of OpenMetrics without parameters.
 const OPEN_METRICS: &str = "application/openmetrics-text";
 
 impl Exposition {
-    /// The format that a client accepts: text, unless it names OpenMetrics as Prometheus does.
-    pub(crate) fn accepted(accept: &str) -> Self {
+    /// Chooses the format for a header `Accept`: OpenMetrics if the header names it, as that of Prometheus does, else
+    /// text.
+    pub(crate) fn from_accept(accept: &str) -> Self {
         if accept.contains(OPEN_METRICS) { Self::OpenMetrics } else { Self::Text }
     }
 
-    /// Its media type.
+    /// Returns the media type of the format.
     pub(crate) fn media_type(self) -> &'static str {
         match self {
             Self::OpenMetrics => "application/openmetrics-text; version=1.0.0; charset=utf-8",
@@ -31,8 +32,8 @@ impl Exposition {
         }
     }
 
-    /// OpenMetrics in this format.
-    pub(crate) fn of(self, open_metrics: String) -> String {
+    /// Converts OpenMetrics text to this format.
+    pub(crate) fn convert(self, open_metrics: String) -> String {
         match self {
             Self::OpenMetrics => open_metrics,
             Self::Text => to_text(&open_metrics),
@@ -56,20 +57,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_served_unless_open_metrics_is_asked_for() {
+    fn text_is_served_unless_the_client_asks_for_open_metrics() {
         let prometheus = "application/openmetrics-text;version=1.0.0;q=0.6,text/plain;version=0.0.4;q=0.5,*/*;q=0.1";
-        assert_eq!(Exposition::accepted(prometheus), Exposition::OpenMetrics);
+        assert_eq!(Exposition::from_accept(prometheus), Exposition::OpenMetrics);
         for accept in ["text/plain", "*/*", "", "text/html"] {
-            assert_eq!(Exposition::accepted(accept), Exposition::Text, "{accept}");
+            assert_eq!(Exposition::from_accept(accept), Exposition::Text, "{accept}");
         }
     }
 
     #[test]
-    fn counters_are_declared_by_the_name_of_their_series() {
+    fn counters_are_declared_under_the_name_of_their_series() {
         let open_metrics = "# HELP a_seconds Time.\n# TYPE a_seconds counter\n# UNIT a_seconds seconds\n\
                             a_seconds_total{of=\"b\"} 1\n# HELP b Level.\n# TYPE b gauge\nb NaN\n# EOF\n";
         assert_eq!(
-            Exposition::Text.of(open_metrics.to_owned()),
+            Exposition::Text.convert(open_metrics.to_owned()),
             "# HELP a_seconds_total Time.\n# TYPE a_seconds_total counter\na_seconds_total{of=\"b\"} 1\n\
              # HELP b Level.\n# TYPE b gauge\nb NaN\n"
         );

@@ -1,8 +1,8 @@
-//! The board as OpenMetrics text.
+//! The status of the instance as OpenMetrics text.
 //!
-//! All label sets are fixed: every series is there from the first scrape to the last, whatever happens. Figures of windows
-//! are not a number before the first window, those of the drift as long as none is measured. What only some windows tell, of
-//! light, fringes, motion and health, has a series as soon as it is told, and none while it is not.
+//! All label sets are fixed, so most series exist from the first scrape to the last. Figures of windows are NaN before
+//! the first window; those of the drift are NaN while no drift is measured. Only some windows report figures of light,
+//! fringes, motion and health: such a series exists while its value is known.
 
 use std::fmt::Error;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,64 +21,64 @@ use fringeflow_telemetry::{
     WindowFigures,
 };
 
-use crate::board::Board;
+use crate::board::InstanceStatus;
 use crate::services::ServiceStatus;
 
-/// Makes the text.
+/// The metrics of an instance.
 #[derive(Debug)]
 pub(crate) struct Metrics(Registry);
 
 #[derive(Debug)]
-struct BoardCollector {
-    board: Arc<Mutex<Board>>,
+struct StatusCollector {
+    status: Arc<Mutex<InstanceStatus>>,
     clients: Arc<std::sync::atomic::AtomicUsize>,
 }
 
-/// Labels of a series, with their values.
+/// Names and values of the labels of a series.
 type Labels<'a> = Vec<(&'static str, &'a str)>;
 
 impl Metrics {
-    pub(crate) fn new(board: Arc<Mutex<Board>>, clients: Arc<std::sync::atomic::AtomicUsize>) -> Self {
+    pub(crate) fn new(status: Arc<Mutex<InstanceStatus>>, clients: Arc<std::sync::atomic::AtomicUsize>) -> Self {
         let mut registry = Registry::with_prefix("fringeflow");
-        registry.register_collector(Box::new(BoardCollector { board, clients }));
+        registry.register_collector(Box::new(StatusCollector { status, clients }));
         Self(registry)
     }
 
-    /// All metrics at this moment.
+    /// Returns all metrics at this moment as OpenMetrics text.
     pub(crate) fn text(&self) -> String {
         let mut out = String::new();
-        // A string takes whatever is written.
+        // Writing to a string cannot fail.
         let _ = text::encode(&mut out, &self.0);
         out
     }
 }
 
-impl Collector for BoardCollector {
+impl Collector for StatusCollector {
     fn encode(&self, encoder: DescriptorEncoder<'_>) -> Result<(), Error> {
-        let board = self.board.lock().unwrap_or_else(PoisonError::into_inner);
+        let status = self.status.lock().unwrap_or_else(PoisonError::into_inner);
         let clients = self.clients.load(std::sync::atomic::Ordering::Relaxed);
-        let mut out = Out(encoder);
-        instance(&mut out, &board, clients)?;
-        stages(&mut out, &board)?;
-        latencies(&mut out, &board)?;
-        window(&mut out, board.window.as_ref())?;
-        tracking(&mut out, board.tracking.as_ref())?;
-        services(&mut out, &board.statuses)
+        let mut out = MetricWriter(encoder);
+        write_instance(&mut out, &status, clients)?;
+        write_stages(&mut out, &status)?;
+        write_latencies(&mut out, &status)?;
+        write_window(&mut out, status.window.as_ref())?;
+        write_tracking(&mut out, status.tracking.as_ref())?;
+        write_services(&mut out, &status.service_statuses)
     }
 }
 
-fn instance(out: &mut Out<'_>, board: &Board, clients: usize) -> Result<(), Error> {
+fn write_instance(out: &mut MetricWriter<'_>, status: &InstanceStatus, clients: usize) -> Result<(), Error> {
     let version = vec![("version", env!("CARGO_PKG_VERSION"))];
     out.gauges("build_info", "The running version.", [(version, 1.0)])?;
-    out.gauge("scanning", "1 while cameras and projector run.", f64::from(board.state.scanning))?;
-    out.gauge("recording", "1 while a recording runs.", f64::from(board.state.recording))?;
-    out.gauge("monitor_clients", "Pages that are connected.", clients as f64)?;
+    out.gauge("scanning", "1 while cameras and projector run.", f64::from(status.state.scanning))?;
+    out.gauge("recording", "1 while a recording runs.", f64::from(status.state.recording))?;
+    out.gauge("monitor_clients", "Connected dashboard pages.", clients as f64)?;
     let bytes = |mb: f64| mb * 1e6;
-    let room = board.room;
-    out.gauge("shared_memory_free_bytes", "Free bytes of shared memory.", bytes(room.shared_memory_free_mb))?;
-    out.gauge("disk_free_bytes", "Free bytes of the disk that holds the recordings.", bytes(room.disk_free_mb))?;
+    let free = status.free_space;
+    out.gauge("shared_memory_free_bytes", "Free bytes of shared memory.", bytes(free.shared_memory_free_mb))?;
+    out.gauge("disk_free_bytes", "Free bytes of the disk that holds the recordings.", bytes(free.disk_free_mb))?;
     let seconds = |ns: Option<f64>| ns.map_or(f64::NAN, |ns| ns * 1e-9);
-    let skew = &board.skew;
+    let skew = &status.skew;
     let if_any = |ns: i64| (skew.pairs > 0).then_some(ns as f64);
     let skews = [("mean", skew.mean_ns()), ("least", if_any(skew.least_ns)), ("greatest", if_any(skew.greatest_ns))];
     out.gauges(
@@ -88,13 +88,13 @@ fn instance(out: &mut Out<'_>, board: &Board, clients: usize) -> Result<(), Erro
     )
 }
 
-fn stages(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
-    let counts = |stage| board.tally.stage(stage).map(|of_stage| of_stage.counts).unwrap_or_default();
+fn write_stages(out: &mut MetricWriter<'_>, status: &InstanceStatus) -> Result<(), Error> {
+    let counts = |stage| status.tally.stage(stage).map(|of_stage| of_stage.counts).unwrap_or_default();
     let label = |stage: Stage| vec![("stage", stage.name())];
     let each = |value: &dyn Fn(Stage) -> u64| Stage::ALL.map(|stage| (label(stage), value(stage)));
     out.counters(
         "stage_taken",
-        "Items that the stage before put out, including those lost on the way.",
+        "Items that the previous stage put out, including those lost on the way.",
         each(&|stage| counts(stage).taken),
     )?;
     out.counters("stage_passed", "Items that the stage put out.", each(&|stage| counts(stage).passed))?;
@@ -111,43 +111,47 @@ fn stages(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
     });
     out.counters("stage_incidents", "Faults that the stage survived.", incidents)?;
     let depth = |value: &dyn Fn(Stage) -> u64| Stage::ALL.map(|stage| (label(stage), value(stage) as f64));
-    out.gauges("stage_in_work", "Items taken and not finished.", depth(&|stage| board.in_work(stage)))?;
+    out.gauges(
+        "stage_in_work",
+        "Items that the stage has taken and not finished.",
+        depth(&|stage| status.in_work(stage)),
+    )?;
     out.gauges(
         "stage_waiting",
-        "Items put out by the stage before and not yet taken.",
-        depth(&|stage| board.waiting(stage)),
+        "Items that the previous stage put out and this stage has not taken.",
+        depth(&|stage| status.waiting(stage)),
     )
 }
 
-fn latencies(out: &mut Out<'_>, board: &Board) -> Result<(), Error> {
+fn write_latencies(out: &mut MetricWriter<'_>, status: &InstanceStatus) -> Result<(), Error> {
     let none = Latencies::default();
-    let of_stage = |stage| board.tally.stage(stage).map_or(&none, |of_stage| &of_stage.latencies);
+    let of_stage = |stage| status.tally.stage(stage).map_or(&none, |of_stage| &of_stage.latencies);
     out.histograms(
         "stage_latency_seconds",
-        "From taking an item to putting it out.",
+        "Time from taking an item to putting it out.",
         Stage::ALL.map(|stage| (vec![("stage", stage.name())], of_stage(stage))),
     )?;
     out.histograms(
         "segment_seconds",
-        "Parts of the way from exposure to cloud; they add up to it.",
-        Segment::ALL.map(|segment| (vec![("segment", segment.name())], board.tally.segment(segment))),
+        "Parts of the time from exposure to cloud. They add up to the total.",
+        Segment::ALL.map(|segment| (vec![("segment", segment.name())], status.tally.segment(segment))),
     )?;
     out.histogram(
         "exposure_to_cloud_seconds",
-        "From the start of the last exposure of a window to its published cloud.",
-        board.tally.total(),
+        "Time from the start of the last exposure of a window to its published cloud.",
+        status.tally.total(),
     )
 }
 
-fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
+fn write_window(out: &mut MetricWriter<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
     let figure = |of: fn(&WindowFigures) -> f64| window.map_or(f64::NAN, of);
     out.gauge("delta_sd_radians", "Standard deviation sd of delta.", figure(|w| w.sd_rad))?;
-    out.gauge("delta_noise_sd_radians", "Part of sd that noise makes.", figure(|w| w.noise_sd_rad))?;
+    out.gauge("delta_noise_sd_radians", "Part of sd that is noise.", figure(|w| w.noise_sd_rad))?;
     out.gauge("delta_threshold_radians", "Threshold thr of delta about its mean.", figure(|w| w.thr_rad))?;
     out.gauge("delta_median_radians", "Median of delta over the chosen candidates.", figure(|w| w.delta_median_rad))?;
     out.gauge("segment_periods", "Mean number n of fringe periods on an epipolar segment.", figure(|w| w.n))?;
     out.gauge("expected_false_candidates", "Expected false candidates for each true one, efc.", figure(|w| w.efc))?;
-    drift(out, window.and_then(|w| w.drift.as_ref()))?;
+    write_drift(out, window.and_then(|w| w.drift.as_ref()))?;
     out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
     let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);
     let shares = percent.with_names().map(|(outcome, percent)| (vec![("outcome", outcome)], percent / 100.0));
@@ -158,11 +162,11 @@ fn window(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error
     out.gauges("fit_residual_ratio", "Median of fit residual by modulation.", cameras(residuals))?;
     let valid = window.map_or([f64::NAN; 2], |w| w.valid.map(|percent| percent / 100.0));
     out.gauges("valid_pixel_share", "Share of the pixels with a valid phase.", cameras(valid))?;
-    light(out, window)?;
-    health(out, window.and_then(|window| window.health.as_ref()))
+    write_light(out, window)?;
+    write_health(out, window.and_then(|window| window.health.as_ref()))
 }
 
-fn drift(out: &mut Out<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
+fn write_drift(out: &mut MetricWriter<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
     let figure = |of: fn(&DriftFigures) -> f64| drift.map_or(f64::NAN, of);
     out.gauge("drift_rms_radians", "Drift of the calibration over the measurement volume.", figure(|d| d.rms_rad))?;
     out.gauge("drift_error_pixels", "Calibration error that explains the drift.", figure(|d| d.error_px))?;
@@ -174,9 +178,9 @@ fn drift(out: &mut Out<'_>, drift: Option<&DriftFigures>) -> Result<(), Error> {
     )
 }
 
-/// Light, fringes and motion as the cameras saw them. What is not told has no series: no number stands for it.
-fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
-    let told = |of: &dyn Fn(usize) -> Option<f64>| -> Vec<(Labels<'static>, f64)> {
+/// Writes figures of light, fringes and motion. An unknown figure has no series, since no number could stand for it.
+fn write_light(out: &mut MetricWriter<'_>, window: Option<&WindowFigures>) -> Result<(), Error> {
+    let known = |of: &dyn Fn(usize) -> Option<f64>| -> Vec<(Labels<'static>, f64)> {
         let camera = |(name, camera): (&'static str, usize)| Some((vec![("camera", name)], of(camera)?));
         [("1", 0), ("2", 1)].into_iter().filter_map(camera).collect()
     };
@@ -186,12 +190,12 @@ fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error>
     out.gauges(
         "saturated_pixel_share",
         "Share of the lit pixels with saturated samples.",
-        told(&|number| share(camera(number)?.saturated)),
+        known(&|number| share(camera(number)?.saturated)),
     )?;
     out.gauges(
         "dim_pixel_share",
         "Share of the lit pixels that are barely lit.",
-        told(&|number| share(camera(number)?.dim)),
+        known(&|number| share(camera(number)?.dim)),
     )?;
     let harmonics = ["second", "third"].into_iter().flat_map(|order| {
         [("1", 0), ("2", 1)].into_iter().filter_map(move |(name, number)| {
@@ -203,38 +207,38 @@ fn light(out: &mut Out<'_>, window: Option<&WindowFigures>) -> Result<(), Error>
     out.gauges("fringe_harmonic_ratio", "Amplitude of a harmonic of the fringes by modulation.", harmonics)?;
     out.gauges(
         "motion_median_radians",
-        "Median phase moved from image to image.",
-        told(&|number| moved(number, |motion| motion.median_rad.into())),
+        "Median phase motion from image to image.",
+        known(&|number| moved(number, |motion| motion.median_rad.into())),
     )?;
     out.gauges(
         "motion_fast_radians",
-        "Phase moved from image to image that a pixel in twenty exceeds.",
-        told(&|number| moved(number, |motion| motion.fast_rad.into())),
+        "Phase motion from image to image that one pixel in twenty exceeds.",
+        known(&|number| moved(number, |motion| motion.fast_rad.into())),
     )?;
     out.gauges(
         "brightness_change_share",
         "Greatest deviation of the brightness of an image from the mean.",
-        told(&|number| moved(number, |motion| f64::from(motion.brightness) / 100.0)),
+        known(&|number| moved(number, |motion| f64::from(motion.brightness) / 100.0)),
     )?;
     out.gauges(
         "one_surface_pixels",
         "Pixels decoded from part of their images.",
-        told(&|number| moved(number, |motion| motion.one_surface_pixels as f64)),
+        known(&|number| moved(number, |motion| motion.one_surface_pixels as f64)),
     )?;
     out.gauges(
         "motion_lost_pixels",
         "Pixels left out because of motion.",
-        told(&|number| moved(number, |motion| motion.lost_pixels as f64)),
+        known(&|number| moved(number, |motion| motion.lost_pixels as f64)),
     )?;
     out.gauges(
         "slip_steps",
         "Steps by which the pattern was ahead of the declared phase shifts. The phases are corrected.",
-        told(&|number| Some(window?.slip_steps[number].into())),
+        known(&|number| Some(window?.slip_steps[number].into())),
     )
 }
 
-/// The health: every state from the beginning on, levels and limits as soon as there are any.
-fn health(out: &mut Out<'_>, health: Option<&HealthFigures>) -> Result<(), Error> {
+/// Writes the health: all states from the start on, levels and limits once they are known.
+fn write_health(out: &mut MetricWriter<'_>, health: Option<&HealthFigures>) -> Result<(), Error> {
     let code = |state: HealthState| match state {
         HealthState::NotKnown => -1.0,
         HealthState::Ok => 0.0,
@@ -263,7 +267,7 @@ fn health(out: &mut Out<'_>, health: Option<&HealthFigures>) -> Result<(), Error
     out.gauges("health_bad_limit", "Level beyond which a quantity is bad.", known(|gauge| Some(gauge.bad)))
 }
 
-/// Unit of a quantity by Prometheus' names.
+/// Unit of a quantity, named as Prometheus does.
 fn unit(quantity: Quantity) -> &'static str {
     match quantity.unit() {
         "rad" => "radians",
@@ -272,7 +276,7 @@ fn unit(quantity: Quantity) -> &'static str {
     }
 }
 
-fn tracking(out: &mut Out<'_>, tracking: Option<&TrackingFigures>) -> Result<(), Error> {
+fn write_tracking(out: &mut MetricWriter<'_>, tracking: Option<&TrackingFigures>) -> Result<(), Error> {
     let figure = |of: fn(&TrackingFigures) -> f64| tracking.map_or(f64::NAN, of);
     let states = ["tracked", "lost", "no_cloud"];
     out.gauges(
@@ -305,7 +309,7 @@ fn tracking(out: &mut Out<'_>, tracking: Option<&TrackingFigures>) -> Result<(),
     out.gauge("model_clouds", "Clouds in the model.", figure(|t| t.model_clouds as f64))
 }
 
-fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
+fn write_services(out: &mut MetricWriter<'_>, services: &[ServiceStatus]) -> Result<(), Error> {
     let each = |value: fn(&ServiceStatus) -> f64| {
         services.iter().map(move |service| (vec![("service", service.name)], value(service)))
     };
@@ -323,13 +327,13 @@ fn services(out: &mut Out<'_>, services: &[ServiceStatus]) -> Result<(), Error> 
     let help = "Page faults of the service: minor ones, which map memory, and major ones, which wait for a disk.";
     out.counters("service_page_faults", help, faults)?;
     let restarts = services.iter().map(|service| (vec![("service", service.name)], u64::from(service.restarts)));
-    out.counters("service_restarts", "How often the service was started again.", restarts)
+    out.counters("service_restarts", "Restarts of the service.", restarts)
 }
 
-/// Writes families of series.
-struct Out<'a>(DescriptorEncoder<'a>);
+/// Writes metrics, each with help text and its series.
+struct MetricWriter<'a>(DescriptorEncoder<'a>);
 
-impl Out<'_> {
+impl MetricWriter<'_> {
     fn gauge(&mut self, name: &str, help: &str, value: f64) -> Result<(), Error> {
         ConstGauge::new(value).encode(self.0.encode_descriptor(name, help, None, MetricType::Gauge)?)
     }
@@ -401,14 +405,14 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    fn board() -> Board {
+    fn demo_status() -> InstanceStatus {
         let text = include_str!("../../../configs/demo.toml");
         let configuration = ScannerConfiguration::parse(text, Path::new("/configs")).unwrap();
         let setup = Setup::parse(fringeflow_lab::simulation::setup_text(&configuration).unwrap(), None).unwrap();
-        Board::new(&configuration, &setup, 0)
+        InstanceStatus::new(&configuration, &setup, 0)
     }
 
-    /// Value of a series.
+    /// Value of a series, as text.
     fn value<'t>(text: &'t str, series: &str) -> &'t str {
         let line = text.lines().find_map(|line| line.strip_prefix(series)?.strip_prefix(' '));
         line.unwrap_or_else(|| panic!("{series} is missing"))
@@ -421,8 +425,8 @@ mod tests {
 
     #[test]
     fn series_are_the_same_before_and_after_reports() {
-        let board = Arc::new(Mutex::new(board()));
-        let metrics = Metrics::new(Arc::clone(&board), Arc::default());
+        let status = Arc::new(Mutex::new(demo_status()));
+        let metrics = Metrics::new(Arc::clone(&status), Arc::default());
         let before = metrics.text();
         assert_eq!(value(&before, "fringeflow_delta_sd_radians"), "NaN");
         let mut counts = Counts { taken: 9, passed: 7, ..Counts::default() };
@@ -431,7 +435,7 @@ mod tests {
         let stage = Stage::Cloud as u32;
         let report =
             StageReport { stage, of_item: 1, exposure_start_ns, taken_ns, passed_ns, counts, ..StageReport::default() };
-        board.lock().unwrap().take_report(&report);
+        status.lock().unwrap().add_report(&report);
         let drift = DriftReport { rms_rad: 0.125, share: 0.5, is_measured: 1, ..DriftReport::default() };
         let mut report = WindowReport { delta_sd_rad: 0.25, drift, ..WindowReport::default() };
         report.cam1 = Fit { lit_pixels: 100, saturated_pixels: 25, second_harmonic_share: 0.125, ..report.cam1 };
@@ -442,7 +446,7 @@ mod tests {
         report.health.gauges[Quantity::SaturatedCam1 as usize] = known;
         report.health.gauges[Quantity::HarmonicsCam2 as usize] =
             GaugeReport { is_known: 0, level: 0.0, state: 0, ..known };
-        board.lock().unwrap().take_window(&report);
+        status.lock().unwrap().add_window(&report);
         let after = metrics.text();
         let [before_series, after_series] = [series(&before), series(&after)];
         assert!(before_series.iter().all(|name| after_series.contains(name)));
@@ -456,8 +460,8 @@ mod tests {
         assert_eq!(value(&after, level), "0.5");
         assert_eq!(value(&after, "fringeflow_saturated_pixel_share{camera=\"1\"}"), "0.25");
         assert_eq!(value(&after, "fringeflow_fringe_harmonic_ratio{camera=\"1\",harmonic=\"second\"}"), "0.125");
-        let not_told = ["health_level{quantity=\"harmonics_cam2\"", "saturated_pixel_share{camera=\"2\"", "\"third\""];
-        for name in not_told {
+        let unknown = ["health_level{quantity=\"harmonics_cam2\"", "saturated_pixel_share{camera=\"2\"", "\"third\""];
+        for name in unknown {
             assert!(!after.contains(name), "{name} in {after}");
         }
         assert_eq!(value(&after, "fringeflow_drift_pixel_share"), "0.5");
@@ -470,7 +474,7 @@ mod tests {
     }
 
     #[test]
-    fn the_alerts_mean_the_same_by_a_loss() {
+    fn the_alerts_count_the_same_drop_reasons_as_losses() {
         let rules = include_str!("../../../configs/alerts.yml");
         let (_, after) = rules.split_once("reason=~\"").unwrap();
         let mut listed: Vec<&str> = after.split_once('"').unwrap().0.split('|').collect();

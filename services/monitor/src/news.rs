@@ -1,16 +1,16 @@
-//! The newest of the large messages, for whoever watches.
+//! The newest large messages, for dashboard pages and viewers.
 
 use fringeflow_message::{Block, CloudHeader, FrameHeader, MapsHeader, ModelHeader, PatternEvent};
 use fringeflow_recording::{Recordable, Topic};
 use fringeflow_runtime::Host;
 use fringeflow_transport::Received;
 
-use crate::taps::Taps;
+use crate::taps::LazySubscribers;
 use crate::viewers::Viewers;
 
-/// Which messages somebody wants.
+/// The channels whose messages a page or a viewer wants.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Wanted {
+pub(crate) struct WantedChannels {
     pub(crate) frames: bool,
     pub(crate) maps: bool,
     pub(crate) clouds: bool,
@@ -18,8 +18,8 @@ pub(crate) struct Wanted {
     pub(crate) models: bool,
 }
 
-/// What has come since the last look, the newest of each channel.
-pub(crate) struct News {
+/// The newest message of each channel since the last read.
+pub(crate) struct NewestMessages {
     pub(crate) frames: [Option<Received<FrameHeader, [u8]>>; 2],
     pub(crate) maps: Option<Received<MapsHeader, [Block]>>,
     pub(crate) cloud: Option<Received<CloudHeader, [u8]>>,
@@ -27,19 +27,20 @@ pub(crate) struct News {
     pub(crate) model: Option<Received<ModelHeader, [u8]>>,
 }
 
-impl Wanted {
-    /// What viewers have subscribed to.
-    pub(crate) fn by_viewers(viewers: &Viewers) -> Self {
+impl WantedChannels {
+    /// Returns the channels that viewers have subscribed to.
+    pub(crate) fn from_viewers(viewers: &Viewers) -> Self {
         Self {
-            frames: viewers.want(Topic::Cam1Frame) || viewers.want(Topic::Cam2Frame),
+            frames: viewers.is_wanted(Topic::Cam1Frame) || viewers.is_wanted(Topic::Cam2Frame),
             maps: false,
-            clouds: viewers.want(Topic::Cloud),
-            patterns: viewers.want(Topic::Pattern),
-            models: viewers.want(Topic::Model),
+            clouds: viewers.is_wanted(Topic::Cloud),
+            patterns: viewers.is_wanted(Topic::Pattern),
+            models: viewers.is_wanted(Topic::Model),
         }
     }
 
-    pub(crate) fn or(self, other: Self) -> Self {
+    /// Returns the channels that are in either set.
+    pub(crate) fn union(self, other: Self) -> Self {
         Self {
             frames: self.frames || other.frames,
             maps: self.maps || other.maps,
@@ -50,21 +51,21 @@ impl Wanted {
     }
 }
 
-impl News {
-    /// Looks into the channels that are wanted.
-    pub(crate) fn gather(wanted: Wanted, taps: &mut Taps, host: &Host, now_ns: u64) -> Self {
-        let [cam1, cam2] = &mut taps.cameras;
+impl NewestMessages {
+    /// Reads the channels that are wanted.
+    pub(crate) fn read(wanted: WantedChannels, subscribers: &mut LazySubscribers, host: &Host, now_ns: u64) -> Self {
+        let [cam1, cam2] = &mut subscribers.cameras;
         Self {
-            frames: [cam1, cam2].map(|camera| wanted.frames.then(|| camera.newest(host, now_ns)).flatten()),
-            maps: wanted.maps.then(|| taps.maps.newest(host, now_ns)).flatten(),
-            cloud: wanted.clouds.then(|| taps.clouds.newest(host, now_ns)).flatten(),
-            model: wanted.models.then(|| taps.models.newest(host, now_ns)).flatten(),
-            pattern: wanted.patterns.then(|| taps.patterns.newest(host, now_ns)).flatten(),
+            frames: [cam1, cam2].map(|camera| wanted.frames.then(|| camera.read_newest(host, now_ns)).flatten()),
+            maps: wanted.maps.then(|| subscribers.maps.read_newest(host, now_ns)).flatten(),
+            cloud: wanted.clouds.then(|| subscribers.clouds.read_newest(host, now_ns)).flatten(),
+            model: wanted.models.then(|| subscribers.models.read_newest(host, now_ns)).flatten(),
+            pattern: wanted.patterns.then(|| subscribers.patterns.read_newest(host, now_ns)).flatten(),
         }
     }
 
-    /// Sends them to the viewers.
-    pub(crate) fn send(&self, viewers: &mut Viewers) {
+    /// Sends the messages to the viewers.
+    pub(crate) fn send_to(&self, viewers: &mut Viewers) {
         for frame in self.frames.iter().flatten() {
             viewers.send(&Recordable::Frame { header: frame.header(), image: frame.payload() });
         }

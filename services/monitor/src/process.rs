@@ -1,23 +1,23 @@
-//! What a process uses, from `/proc`.
+//! CPU time, memory and page faults of a process, from `/proc`.
 
 use std::fs;
 
-/// A process of this machine.
+/// A process on this machine.
 #[derive(Debug)]
 pub(crate) struct Process {
     pid: u32,
 }
 
-/// What it has used.
+/// Resources that a process has used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Usage {
-    /// CPU time of all its threads, seconds.
+    /// CPU time of all threads, seconds.
     pub(crate) cpu_s: f64,
-    /// Memory that is in RAM; what it shares with others counts too.
+    /// Memory in RAM, including shared memory.
     pub(crate) memory_bytes: u64,
-    /// Times that it touched memory which was not mapped yet.
+    /// Page faults on memory that was not mapped yet.
     pub(crate) minor_faults: u64,
-    /// Times that it waited for memory from a disk.
+    /// Page faults that waited for a disk.
     pub(crate) major_faults: u64,
 }
 
@@ -30,11 +30,11 @@ impl Process {
         self.pid
     }
 
-    /// What it has used until now; `None` where it is gone.
+    /// Reads the usage until now; returns `None` if the process has ended.
     pub(crate) fn usage(&mut self) -> Option<Usage> {
         let stat = fs::read_to_string(format!("/proc/{}/stat", self.pid)).ok()?;
         let Stat { state, minor_faults, major_faults, ticks } = Stat::parse(&stat)?;
-        // A zombie waits to be noticed.
+        // A zombie has ended; its parent has not collected it yet.
         if state == 'Z' {
             return None;
         }
@@ -49,21 +49,22 @@ impl Process {
     }
 }
 
-/// What is needed of `stat` (proc_pid_stat(5)): fields 3, 10, 12, and 14 and 15 together.
+/// Fields 3, 10 and 12 of `/proc/PID/stat` (proc_pid_stat(5)), and the sum of fields 14 and 15.
 #[derive(Debug, PartialEq, Eq)]
 struct Stat {
     state: char,
     minor_faults: u64,
     major_faults: u64,
-    /// CPU time.
+    /// CPU time in user and kernel mode, clock ticks.
     ticks: u64,
 }
 
 impl Stat {
-    /// The name before the fields, in parentheses, may hold anything.
+    /// Parses the text of the file. The name in parentheses may contain any character, so the fields are counted from
+    /// the last parenthesis.
     fn parse(stat: &str) -> Option<Self> {
         let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_ascii_whitespace().collect();
-        let number = |place: usize| fields.get(place)?.parse::<u64>().ok();
+        let number = |index: usize| fields.get(index)?.parse::<u64>().ok();
         Some(Self {
             state: fields.first()?.chars().next()?,
             minor_faults: number(7)?,
@@ -78,14 +79,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_process_uses_memory_and_time() {
+    fn usage_of_this_process_and_of_a_missing_one() {
         let usage = Process::new(std::process::id()).usage().unwrap();
         assert!(usage.memory_bytes > 100_000 && usage.cpu_s >= 0.0 && usage.minor_faults > 0);
         assert_eq!(Process::new(1 << 23).usage(), None);
     }
 
     #[test]
-    fn names_with_parentheses_and_spaces_do_not_shift_the_fields() {
+    fn process_names_with_parentheses_and_spaces_do_not_shift_the_fields() {
         let stat = "12 (a) S 1 (b) R 1 2 3 4 5 6 7 8 9 10 100 23 14 15 16";
         assert_eq!(Stat::parse(stat), Some(Stat { state: 'R', minor_faults: 7, major_faults: 9, ticks: 123 }));
         assert_eq!(Stat::parse("12 (cut"), None);

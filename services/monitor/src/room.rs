@@ -1,22 +1,22 @@
-//! Room that is left: shared memory for the channels, disk for the recordings.
+//! Free space: shared memory for the channels, disk for the recordings.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// Where shared memory is.
+/// Mount point of the shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Free bytes; not a number where the system does not say.
+/// Free space; NaN if the system does not tell it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Room {
+pub(crate) struct FreeSpace {
     pub(crate) shared_memory_free_mb: f64,
     pub(crate) disk_free_mb: f64,
 }
 
-impl Room {
-    /// Of this machine, with the disk of a folder.
-    pub(crate) fn of(folder: &Path) -> Self {
+impl FreeSpace {
+    /// Measures the shared memory of this machine, and the disk that holds a folder or will hold it.
+    pub(crate) fn measure(folder: &Path) -> Self {
         let existing = folder.ancestors().find(|folder| folder.exists());
         Self {
             shared_memory_free_mb: free_mb(Path::new(SHARED_MEMORY)),
@@ -34,9 +34,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_folder_that_is_yet_to_be_made_has_the_room_of_the_one_above() {
+    fn a_missing_folder_has_the_space_of_its_parent() {
         let folder = tempfile::tempdir().unwrap();
-        let room = Room::of(&folder.path().join("not/yet"));
-        assert!(room.disk_free_mb > 0.0 && room.shared_memory_free_mb >= 0.0);
+        let free = FreeSpace::measure(&folder.path().join("not/yet"));
+        assert!(free.disk_free_mb > 0.0 && free.shared_memory_free_mb >= 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! What the loop of the service and its servers share.
+//! State that the main loop and the servers share.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,41 +8,41 @@ use tokio::sync::watch;
 
 use fringeflow_transport::Instance;
 
-use crate::board::Board;
+use crate::board::InstanceStatus;
 
-/// Everything that is shared.
+/// The shared state.
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub(crate) instance: Instance,
-    pub(crate) board: Arc<Mutex<Board>>,
-    /// Pages that are connected.
+    pub(crate) status: Arc<Mutex<InstanceStatus>>,
+    /// Number of connected pages.
     pub(crate) clients: Arc<AtomicUsize>,
-    /// The message of every second.
+    /// The last message of figures, one per second.
     pub(crate) figures: watch::Sender<Arc<str>>,
     pub(crate) pictures: View,
     pub(crate) cloud: View,
     pub(crate) model: View,
-    /// Set when everything is to end.
+    /// Set when the service stops.
     pub(crate) stop: watch::Sender<bool>,
 }
 
-/// Large messages of one kind, made only while somebody is ready for the next.
+/// Large messages of one kind. They are encoded only while a page is ready for the next one.
 #[derive(Debug)]
 pub(crate) struct View {
     /// The newest message with its number.
     newest: watch::Sender<(u64, Bytes)>,
-    ready: Arc<AtomicUsize>,
+    ready_pages: Arc<AtomicUsize>,
 }
 
-/// One more of something, as long as this lives.
+/// Adds one to a count as long as it exists.
 #[derive(Debug)]
-pub(crate) struct Counted(Arc<AtomicUsize>);
+pub(crate) struct CountGuard(Arc<AtomicUsize>);
 
 impl Shared {
-    pub(crate) fn new(instance: Instance, board: Board) -> Self {
+    pub(crate) fn new(instance: Instance, status: InstanceStatus) -> Self {
         Self {
             instance,
-            board: Arc::new(Mutex::new(board)),
+            status: Arc::new(Mutex::new(status)),
             clients: Arc::default(),
             figures: watch::Sender::new(Arc::from("null")),
             pictures: View::new(),
@@ -52,30 +52,30 @@ impl Shared {
         }
     }
 
-    /// The board; whoever panicked with it left it whole.
-    pub(crate) fn board(&self) -> MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Locks the status. A thread that panicked while it held the lock left the status valid, so poisoning is ignored.
+    pub(crate) fn status(&self) -> MutexGuard<'_, InstanceStatus> {
+        self.status.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Waits until everything is to end.
-pub(crate) async fn ended(stop: &mut watch::Receiver<bool>) {
-    // Without a sender there is nothing left to wait for.
+/// Waits until the service stops.
+pub(crate) async fn stopped(stop: &mut watch::Receiver<bool>) {
+    // An error means that the sender is gone: the service has stopped.
     let _ = stop.wait_for(|stop| *stop).await;
 }
 
 impl View {
     fn new() -> Self {
-        Self { newest: watch::Sender::new((0, Bytes::new())), ready: Arc::default() }
+        Self { newest: watch::Sender::new((0, Bytes::new())), ready_pages: Arc::default() }
     }
 
     /// Number of pages that are ready for the next message.
-    pub(crate) fn ready(&self) -> usize {
-        self.ready.load(Ordering::Relaxed)
+    pub(crate) fn ready_pages(&self) -> usize {
+        self.ready_pages.load(Ordering::Relaxed)
     }
 
-    /// Hands the next message to all that are ready; its bytes.
-    pub(crate) fn put_out(&self, id: u64, message: Vec<u8>) -> usize {
+    /// Gives the next message to all pages that are ready, and returns its bytes.
+    pub(crate) fn publish(&self, id: u64, message: Vec<u8>) -> usize {
         let bytes = message.len();
         self.newest.send_replace((id, message.into()));
         bytes
@@ -85,20 +85,20 @@ impl View {
         self.newest.subscribe()
     }
 
-    /// Says that a page is ready, as long as the count lives.
-    pub(crate) fn count_ready(&self) -> Counted {
-        Counted::new(&self.ready)
+    /// Counts a page as ready as long as the guard exists.
+    pub(crate) fn count_ready(&self) -> CountGuard {
+        CountGuard::new(&self.ready_pages)
     }
 }
 
-impl Counted {
+impl CountGuard {
     pub(crate) fn new(count: &Arc<AtomicUsize>) -> Self {
         count.fetch_add(1, Ordering::Relaxed);
         Self(Arc::clone(count))
     }
 }
 
-impl Drop for Counted {
+impl Drop for CountGuard {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }

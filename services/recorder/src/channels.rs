@@ -1,48 +1,48 @@
-//! All channels that are recorded, and the numbers of their messages.
+//! The recorded channels, and the numbers of their messages.
 
 use fringeflow_message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MapsHeader, PatternEvent, PoseReport, PriorHeader,
     ScanState, Stage, StageReport, WindowReport,
 };
 use fringeflow_recording::Recordable;
-use fringeflow_runtime::{Arrivals, BEAT, Host, receive};
+use fringeflow_runtime::{Arrivals, Host, MAX_WAIT, receive};
 use fringeflow_transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, CORRESPONDENCE_MAP, Channel, Header, PHASE_MAPS, PROJECTOR_PATTERN, Payload,
     REPORT_STAGE, REPORT_WINDOW, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, TransportError, WaitSource,
     wait_for,
 };
 
-/// The receiving ends.
+/// Subscribers of all recorded channels.
 pub(crate) struct Channels {
-    cameras: [Numbered<FrameHeader, [u8]>; 2],
-    events: Numbered<(), PatternEvent>,
-    maps: Option<Numbered<MapsHeader, [Block]>>,
-    correspondences: Option<Numbered<CorrespondenceHeader, [Block]>>,
-    clouds: Numbered<CloudHeader, [u8]>,
+    cameras: [NumberedSubscriber<FrameHeader, [u8]>; 2],
+    events: NumberedSubscriber<(), PatternEvent>,
+    maps: Option<NumberedSubscriber<MapsHeader, [Block]>>,
+    correspondences: Option<NumberedSubscriber<CorrespondenceHeader, [Block]>>,
+    clouds: NumberedSubscriber<CloudHeader, [u8]>,
     reports: Subscriber<(), StageReport>,
-    window_reports: Numbered<(), WindowReport>,
-    poses: Option<Numbered<(), PoseReport>>,
-    priors: Option<Numbered<PriorHeader, [u8]>>,
+    window_reports: NumberedSubscriber<(), WindowReport>,
+    poses: Option<NumberedSubscriber<(), PoseReport>>,
+    priors: Option<NumberedSubscriber<PriorHeader, [u8]>>,
 }
 
-/// A channel whose messages are numbered.
-struct Numbered<H: Header, P: Payload + ?Sized> {
+/// A subscriber of a channel whose messages are numbered.
+struct NumberedSubscriber<H: Header, P: Payload + ?Sized> {
     port: Subscriber<H, P>,
-    /// Who sends them.
+    /// The stage that sends them.
     from: Stage,
-    /// `None` until the first message: what was sent before it was not for this recorder.
+    /// `None` until the first message: the messages before it are not counted as lost.
     arrivals: Option<Arrivals>,
 }
 
-/// A message that came.
-pub(crate) enum Taken<'a> {
-    /// One that is written down at once.
+/// A received message.
+pub(crate) enum Incoming<'a> {
+    /// A message that is copied at once.
     Message(Recordable<'a>),
-    /// An image, which may stay where it is until it is in the file.
+    /// An image that may stay in shared memory until it is in the file.
     Image(Image),
 }
 
-/// An image in the memory that it came in.
+/// An image in shared memory.
 pub(crate) struct Image(Received<FrameHeader, [u8]>);
 
 impl Image {
@@ -63,30 +63,33 @@ impl Channels {
         let tracking = &host.configuration.measurement.tracking;
         Ok(Self {
             cameras: [
-                Numbered::open(host, CAM1_FRAME, Stage::Camera1)?,
-                Numbered::open(host, CAM2_FRAME, Stage::Camera2)?,
+                NumberedSubscriber::open(host, CAM1_FRAME, Stage::Camera1)?,
+                NumberedSubscriber::open(host, CAM2_FRAME, Stage::Camera2)?,
             ],
-            events: Numbered::open(host, PROJECTOR_PATTERN, Stage::Projector)?,
-            maps: settings.phase_maps.then(|| Numbered::open(host, PHASE_MAPS, Stage::Phase)).transpose()?,
+            events: NumberedSubscriber::open(host, PROJECTOR_PATTERN, Stage::Projector)?,
+            maps: settings.phase_maps.then(|| NumberedSubscriber::open(host, PHASE_MAPS, Stage::Phase)).transpose()?,
             correspondences: settings
                 .correspondences
-                .then(|| Numbered::open(host, CORRESPONDENCE_MAP, Stage::Correspondence))
+                .then(|| NumberedSubscriber::open(host, CORRESPONDENCE_MAP, Stage::Correspondence))
                 .transpose()?,
-            clouds: Numbered::open(host, CLOUD, Stage::Cloud)?,
+            clouds: NumberedSubscriber::open(host, CLOUD, Stage::Cloud)?,
             reports: Subscriber::open(&host.node, REPORT_STAGE, &host.sizes)?,
-            window_reports: Numbered::open(host, REPORT_WINDOW, Stage::Correspondence)?,
-            poses: tracking.is_enabled.then(|| Numbered::open(host, TRACKING_POSE, Stage::Tracking)).transpose()?,
+            window_reports: NumberedSubscriber::open(host, REPORT_WINDOW, Stage::Correspondence)?,
+            poses: tracking
+                .is_enabled
+                .then(|| NumberedSubscriber::open(host, TRACKING_POSE, Stage::Tracking))
+                .transpose()?,
             priors: tracking
                 .takes_priors()
-                .then(|| Numbered::open(host, TRACKING_PRIOR, Stage::Tracking))
+                .then(|| NumberedSubscriber::open(host, TRACKING_PRIOR, Stage::Tracking))
                 .transpose()?,
         })
     }
 
     /// Waits for messages, or for a change of the state.
-    pub(crate) fn wait(&self, state: &Subscriber<(), ScanState>) -> Result<(), TransportError> {
+    pub(crate) fn wait(&self, states: &Subscriber<(), ScanState>) -> Result<(), TransportError> {
         let mut ports: Vec<&dyn WaitSource> = vec![
-            state,
+            states,
             &self.cameras[0].port,
             &self.cameras[1].port,
             &self.events.port,
@@ -95,44 +98,45 @@ impl Channels {
             &self.window_reports.port,
         ];
         ports.extend(self.maps.as_ref().map(|maps| &maps.port as &dyn WaitSource));
-        ports.extend(self.correspondences.as_ref().map(|found| &found.port as &dyn WaitSource));
+        ports.extend(self.correspondences.as_ref().map(|correspondences| &correspondences.port as &dyn WaitSource));
         ports.extend(self.poses.as_ref().map(|poses| &poses.port as &dyn WaitSource));
         ports.extend(self.priors.as_ref().map(|priors| &priors.port as &dyn WaitSource));
-        wait_for(&ports, BEAT)
+        wait_for(&ports, MAX_WAIT)
     }
 
-    /// Takes what has come, one message of each channel in turn, each with the number of those that were overwritten before it.
-    pub(crate) fn drain(&mut self, mut take: impl FnMut(Taken<'_>, u64)) {
+    /// Receives all waiting messages, one of each channel in turn. Calls `on_message` with each message and the number
+    /// of messages that were overwritten before it.
+    pub(crate) fn drain(&mut self, mut on_message: impl FnMut(Incoming<'_>, u64)) {
         loop {
-            let mut any = self.events.next(
+            let mut has_received = self.events.handle_next(
                 |(), event| event.sequence,
                 |(), event, missing| {
-                    take(Taken::Message(Recordable::Pattern(event)), missing);
+                    on_message(Incoming::Message(Recordable::Pattern(event)), missing);
                 },
             );
             for camera in &mut self.cameras {
                 if let Some((image, missing)) = camera.receive(|header, _| header.published) {
-                    take(Taken::Image(Image(image)), missing);
-                    any = true;
+                    on_message(Incoming::Image(Image(image)), missing);
+                    has_received = true;
                 }
             }
             if let Some(maps) = &mut self.maps {
-                any |= maps.next(
+                has_received |= maps.handle_next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(
-                            Taken::Message(Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }),
+                        on_message(
+                            Incoming::Message(Recordable::Maps { header, payload: bytemuck::cast_slice(payload) }),
                             missing,
                         );
                     },
                 );
             }
-            if let Some(found) = &mut self.correspondences {
-                any |= found.next(
+            if let Some(correspondences) = &mut self.correspondences {
+                has_received |= correspondences.handle_next(
                     |header, _| header.published,
                     |header, payload, missing| {
-                        take(
-                            Taken::Message(Recordable::Correspondences {
+                        on_message(
+                            Incoming::Message(Recordable::Correspondences {
                                 header,
                                 payload: bytemuck::cast_slice(payload),
                             }),
@@ -141,52 +145,54 @@ impl Channels {
                     },
                 );
             }
-            any |= self.clouds.next(
+            has_received |= self.clouds.handle_next(
                 |header, _| header.published,
                 |header, records, missing| {
-                    take(Taken::Message(Recordable::Cloud { header, records }), missing);
+                    on_message(Incoming::Message(Recordable::Cloud { header, records }), missing);
                 },
             );
-            any |= self.window_reports.next(
+            has_received |= self.window_reports.handle_next(
                 |(), report| report.published,
                 |(), report, missing| {
-                    take(Taken::Message(Recordable::WindowReport(report)), missing);
+                    on_message(Incoming::Message(Recordable::WindowReport(report)), missing);
                 },
             );
             if let Some(poses) = &mut self.poses {
-                any |= poses.next(
+                has_received |= poses.handle_next(
                     |(), report| report.published,
                     |(), report, missing| {
-                        take(Taken::Message(Recordable::Pose(report)), missing);
+                        on_message(Incoming::Message(Recordable::Pose(report)), missing);
                         if report.has_pose() {
-                            take(Taken::Message(Recordable::PoseTransform(report)), 0);
+                            on_message(Incoming::Message(Recordable::PoseTransform(report)), 0);
                         }
                     },
                 );
             }
             if let Some(priors) = &mut self.priors {
-                any |= priors.next(
+                has_received |= priors.handle_next(
                     |header, _| header.published,
-                    |header, relief, missing| take(Taken::Message(Recordable::Prior { header, relief }), missing),
+                    |header, relief, missing| {
+                        on_message(Incoming::Message(Recordable::Prior { header, relief }), missing);
+                    },
                 );
             }
-            // Of many senders, whose messages have no common number.
+            // These come from many senders, so they have no common numbers.
             if let Some(report) = receive(&mut self.reports) {
-                take(Taken::Message(Recordable::Report(&report)), 0);
-                any = true;
+                on_message(Incoming::Message(Recordable::Report(&report)), 0);
+                has_received = true;
             }
-            if !any {
+            if !has_received {
                 return;
             }
         }
     }
 
-    /// Opens ports again that lost their other side.
+    /// Opens ports again that lost their connection.
     pub(crate) fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
         self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(host, now_ns))?;
         self.events.ensure_connected(host, now_ns)?;
         self.maps.iter_mut().try_for_each(|maps| maps.ensure_connected(host, now_ns))?;
-        self.correspondences.iter_mut().try_for_each(|found| found.ensure_connected(host, now_ns))?;
+        self.correspondences.iter_mut().try_for_each(|port| port.ensure_connected(host, now_ns))?;
         self.clouds.ensure_connected(host, now_ns)?;
         self.window_reports.ensure_connected(host, now_ns)?;
         self.poses.iter_mut().try_for_each(|poses| poses.ensure_connected(host, now_ns))?;
@@ -195,27 +201,28 @@ impl Channels {
     }
 }
 
-impl<H: Header, P: Payload + ?Sized> Numbered<H, P> {
+impl<H: Header, P: Payload + ?Sized> NumberedSubscriber<H, P> {
     fn open(host: &Host, channel: Channel<H, P>, from: Stage) -> Result<Self, TransportError> {
         Ok(Self { port: Subscriber::open(&host.node, channel, &host.sizes)?, from, arrivals: None })
     }
 
-    /// The next message, if there is one, and how many are missing before it.
+    /// Receives the next message, if there is one. Returns it and the number of messages missing before it.
     fn receive(&mut self, number: impl Fn(&H, &P) -> u64) -> Option<(Received<H, P>, u64)> {
         let message = receive(&mut self.port)?;
         let number = number(message.header(), message.payload());
-        let arrivals = self.arrivals.get_or_insert(Arrivals::beginning_at(number));
+        let arrivals = self.arrivals.get_or_insert(Arrivals::new(number));
         Some((message, arrivals.arrive(number).unwrap_or(0)))
     }
 
-    /// Takes the next message, if there is one.
-    fn next(&mut self, number: impl Fn(&H, &P) -> u64, mut take: impl FnMut(&H, &P, u64)) -> bool {
+    /// Receives the next message, if there is one, and calls `on_message` with it and the number of messages missing
+    /// before it. Returns whether there was one.
+    fn handle_next(&mut self, number: impl Fn(&H, &P) -> u64, mut on_message: impl FnMut(&H, &P, u64)) -> bool {
         let Some((message, missing)) = self.receive(number) else { return false };
-        take(message.header(), message.payload(), missing);
+        on_message(message.header(), message.payload(), missing);
         true
     }
 
-    /// Opens the port again if it lost its other side.
+    /// Opens the port again if it lost its connection.
     fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
         let next = self.arrivals.map_or(0, |arrivals| arrivals.next);
         host.ensure_connected(&mut self.port, self.from, next, now_ns)

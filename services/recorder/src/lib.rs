@@ -1,7 +1,8 @@
-//! The recorder service: every channel in, recordings out.
+//! The recorder service: messages of all channels in, recordings out.
 //!
-//! It always listens; while no recording runs, messages are counted as such. What the queue to the disk cannot take, or the
-//! disk cannot hold, is counted, and stands in the recording too; the scan is never held up.
+//! It always receives messages; while no recording runs, it counts them as not recorded. Messages for which the queue
+//! to the disk or the disk has no room are counted as lost, in the recording too. The scan never waits for the
+//! recorder.
 
 mod channels;
 mod session;
@@ -11,95 +12,97 @@ use fringeflow_recording::Recordable;
 use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receive};
 use fringeflow_transport::{SCAN_STATE, Subscriber};
 
-use channels::{Channels, Taken};
+use channels::{Channels, Incoming};
 use session::Session;
 
-/// What came of the recordings of a run.
+/// Outcome of the recordings of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// They hold everything.
+    /// The recordings hold all messages.
     Complete,
-    /// Something is missing in them.
+    /// Messages are missing, or a recording failed.
     Incomplete,
 }
 
-/// Runs the service until it is to end.
+/// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
     let mut host = Host::open(arguments, "recorder")?;
     let mut channels = Channels::open(&host)?;
-    let mut state = Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?;
+    let mut states = Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?;
     let mut recorder = Recorder::open(&host)?;
     loop {
-        // Asked before the channels are emptied, so that what came last is recorded.
+        // Read before the channels are emptied, so that the last messages are recorded too.
         let is_last = host.stop.is_requested();
-        recorder.drain(&mut state, &mut channels, &host);
+        recorder.drain(&mut states, &mut channels, &host);
         if is_last {
             break;
         }
         recorder.write_account()?;
-        if host.beat_is_due() {
-            recorder.tell();
+        if host.is_heartbeat_due() {
+            recorder.check_session();
             host.report(Stage::Recorder, recorder.account.counts(), None);
         }
-        host.tend(|host, now_ns| {
-            state.ensure_connected(now_ns)?;
+        host.check_connections(|host, now_ns| {
+            states.ensure_connected(now_ns)?;
             channels.ensure_connected(host, now_ns)
         });
-        channels.wait(&state)?;
+        channels.wait(&states)?;
     }
-    recorder.end();
+    recorder.end_session();
     recorder.write_account()?;
     host.report(Stage::Recorder, recorder.account.counts(), None);
     Ok(recorder.outcome())
 }
 
-/// The running recording, and the account over all of them.
+/// The running recording, and the account of all recordings.
 struct Recorder {
     account: Account,
-    /// Counts outside the running recording: before this process, not recording, lost in a channel, recordings ended.
+    /// Counts outside the running recording: from before this process, of messages that were not recorded or lost in a
+    /// channel, and of ended recordings.
     outside: Counts,
     session: Option<Session>,
-    /// The last prior: windows of a recording that begins now are decoded with it until the next one comes.
+    /// The last prior. A new recording starts with it, because windows are decoded with it until the next prior
+    /// arrives.
     prior: Option<(PriorHeader, Vec<u8>)>,
-    /// Recordings and marks asked for so far.
-    seen: Option<ScanState>,
+    /// The last state of the instance: recordings and marks requested so far.
+    last_state: Option<ScanState>,
     has_failed: bool,
 }
 
 impl Recorder {
     fn open(host: &Host) -> Result<Self, ServiceError> {
-        let account = host.account(Stage::Recorder)?;
+        let account = host.open_account(Stage::Recorder)?;
         let outside = *account.counts();
-        Ok(Self { account, outside, session: None, prior: None, seen: None, has_failed: false })
+        Ok(Self { account, outside, session: None, prior: None, last_state: None, has_failed: false })
     }
 
-    /// Follows the state, and takes what has come.
-    fn drain(&mut self, state: &mut Subscriber<(), ScanState>, channels: &mut Channels, host: &Host) {
-        while let Some(wanted) = receive(state) {
-            // Everything that came before the end of a recording, or before a mark, comes before it there too.
+    /// Follows the changes of the state, and receives all waiting messages.
+    fn drain(&mut self, states: &mut Subscriber<(), ScanState>, channels: &mut Channels, host: &Host) {
+        while let Some(state) = receive(states) {
+            // Messages that arrived before the end of a recording or before a mark are recorded before it.
             if self.session.is_some() {
-                channels.drain(|message, missing| self.take(message, missing));
+                channels.drain(|message, missing| self.record(message, missing));
             }
-            self.follow(&wanted, host);
+            self.follow_state(&state, host);
         }
-        channels.drain(|message, missing| self.take(message, missing));
+        channels.drain(|message, missing| self.record(message, missing));
     }
 
-    /// Takes a message, before which so many were overwritten in its channel.
-    fn take(&mut self, message: Taken<'_>, missing: u64) {
+    /// Records a message; `missing` messages before it were overwritten in its channel.
+    fn record(&mut self, message: Incoming<'_>, missing: u64) {
         self.outside.taken += missing;
         self.outside.drop_many(DropReason::Overrun, missing);
-        if let Taken::Message(Recordable::Prior { header, relief }) = &message {
-            let (last, cells) = self.prior.get_or_insert_default();
-            *last = **header;
-            cells.clear();
-            cells.extend_from_slice(relief);
+        if let Incoming::Message(Recordable::Prior { header, relief }) = &message {
+            let (last_header, last_relief) = self.prior.get_or_insert_default();
+            *last_header = **header;
+            last_relief.clear();
+            last_relief.extend_from_slice(relief);
         }
         match &mut self.session {
-            Some(session) => session.take(message, missing),
+            Some(session) => session.record(message, missing),
             None => {
                 self.outside.taken += 1;
                 self.outside.drop_one(DropReason::NotRecording);
@@ -107,34 +110,34 @@ impl Recorder {
         }
     }
 
-    /// Begins and ends recordings and sets marks as the instance asks.
-    fn follow(&mut self, wanted: &ScanState, host: &Host) {
-        // What was asked for before this process began is gone on with.
-        let is_continued = self.seen.is_none() && host.restarts() > 0;
-        let before = self.seen.replace(*wanted).unwrap_or_default();
-        if wanted.recording == 0 || wanted.recordings != before.recordings {
-            self.end();
+    /// Starts and ends recordings, and sets marks, as the state of the instance requests.
+    fn follow_state(&mut self, state: &ScanState, host: &Host) {
+        // After a restart of this service, the first state requests a recording that was already running.
+        let is_continued = self.last_state.is_none() && host.restarts() > 0;
+        let before = self.last_state.replace(*state).unwrap_or_default();
+        if state.recording == 0 || state.recordings != before.recordings {
+            self.end_session();
         }
-        if wanted.recording != 0 && wanted.recordings != before.recordings {
-            match Session::begin(wanted, host, is_continued) {
+        if state.recording != 0 && state.recordings != before.recordings {
+            match Session::start(state, host, is_continued) {
                 Ok(session) => {
                     if let Some((header, relief)) = &self.prior {
-                        session.take(Taken::Message(Recordable::Prior { header, relief }), 0);
+                        session.record(Incoming::Message(Recordable::Prior { header, relief }), 0);
                     }
                     self.session = Some(session);
                 }
                 Err(error) => self.fail(&error),
             }
         }
-        if let Some(session) = self.session.as_ref().filter(|_| wanted.marks != before.marks) {
-            session.mark(clock::now_ns(), &wanted.mark.to_text());
+        if let Some(session) = self.session.as_ref().filter(|_| state.marks != before.marks) {
+            session.mark(clock::now_ns(), &state.mark.to_text());
         }
     }
 
     /// Ends the running recording, if there is one.
-    fn end(&mut self) {
+    fn end_session(&mut self) {
         let Some(session) = self.session.take() else { return };
-        let (counts, result) = session.end();
+        let (counts, result) = session.finish();
         self.outside = self.outside.plus(&counts);
         match result {
             Ok(file) => tracing::info!(file = %file.display(), messages = counts.passed, "recording ended"),
@@ -142,15 +145,16 @@ impl Recorder {
         }
     }
 
+    /// Logs an error that makes the recordings of the run incomplete.
     fn fail(&mut self, error: &dyn std::fmt::Display) {
         self.has_failed = true;
         tracing::error!("{error}");
     }
 
-    /// Says once if the running recording has come to a standstill.
-    fn tell(&mut self) {
-        if let Some(why) = self.session.as_mut().and_then(Session::standstill) {
-            self.fail(&why);
+    /// Logs once if the running recording has ended early.
+    fn check_session(&mut self) {
+        if let Some(message) = self.session.as_mut().and_then(Session::report_early_end) {
+            self.fail(&message);
         }
     }
 

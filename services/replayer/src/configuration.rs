@@ -1,4 +1,4 @@
-//! The configuration of a replay: the recorded one, with the recording in the place of cameras and projector.
+//! The configuration of a replay: the recorded one, with the recording in place of cameras and projector.
 
 use toml::{Table, Value};
 
@@ -8,32 +8,32 @@ use fringeflow_recording::{Recording, Topic};
 
 use crate::Pace;
 
-/// Rate of a recording with too few images to tell, images a second.
-const USUAL_RATE_HZ: f64 = 30.0;
+/// Image rate of a recording with too few images to determine it.
+const DEFAULT_RATE_HZ: f64 = 30.0;
 
-/// Why there is no configuration for a replay.
+/// Why the configuration of a replay cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationTextError {
-    /// The recorded one is no TOML.
+    /// The recorded configuration is not valid TOML.
     #[error("the recorded configuration.toml cannot be read: {0}")]
     Unreadable(#[from] toml::de::Error),
-    /// It cannot be written.
+    /// The new configuration cannot be written as TOML.
     #[error("the configuration of the replay cannot be written: {0}")]
     Unwritable(#[from] toml::ser::Error),
 }
 
-/// The text of the configuration under which `recording` is replayed in the instance `name`.
+/// Returns the text of the configuration for a replay of `recording` in the instance `name`.
 ///
 /// # Errors
-/// The recorded configuration is no TOML.
+/// The recorded configuration is not valid TOML.
 pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Result<String, ConfigurationTextError> {
     let mut table: Table = recording.configuration_text().parse()?;
     rename_former_keys(&mut table);
-    // The setup comes from the recording, too; processors are those of the machine that recorded.
+    // The setup comes from the recording too. The processors are those of the machine that made the recording.
     for section in ["rig", "virtual_scanner", "recorder", "processors"] {
         table.remove(section);
     }
-    // The recorded images are what was used of the cameras' images.
+    // The recorded images are already cropped and binned.
     if let Some(Value::Table(cameras)) = table.get_mut("cameras") {
         for key in ["region_px", "binning"] {
             cameras.remove(key);
@@ -47,25 +47,25 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
     set(&mut table, "cameras", "rate_hz", rate_hz(recording).into());
     set(&mut table, "projector", "driver", driver.into());
     set(&mut table, "window", "when_busy", when_busy.into());
-    // Windows are told what they were told then.
+    // The windows get the recorded priors, or none.
     let prior = if recording.count(Topic::Prior) > 0 { PriorSource::External } else { PriorSource::Off };
     set(&mut table, "tracking", "prior", prior.name().into());
     Ok(toml::to_string(&table)?)
 }
 
 fn set(table: &mut Table, section: &str, key: &str, value: Value) {
-    // No valid configuration has anything but a table there; the services say so.
+    // Any other value than a table is invalid, and the services report it.
     if let Value::Table(section) = table.entry(section).or_insert_with(|| Value::Table(Table::new())) {
         section.insert(key.to_owned(), value);
     }
 }
 
-/// Images a second and camera, by the usual time between two exposures.
+/// Returns the image rate of a camera, from the median time between two exposures.
 fn rate_hz(recording: &Recording) -> f64 {
     let mut times: Vec<u64> = recording.frame_headers(1).map(|header: &FrameHeader| header.exposure_start_ns).collect();
     times.sort_unstable();
     let mut gaps: Vec<u64> = times.windows(2).filter_map(|pair| pair.last()?.checked_sub(*pair.first()?)).collect();
     gaps.sort_unstable();
     let median = gaps.get(gaps.len() / 2).filter(|&&gap| gap > 0);
-    median.map_or(USUAL_RATE_HZ, |&gap_ns| (1e9 / gap_ns as f64).clamp(0.1, 1000.0))
+    median.map_or(DEFAULT_RATE_HZ, |&gap_ns| (1e9 / gap_ns as f64).clamp(0.1, 1000.0))
 }

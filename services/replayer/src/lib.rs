@@ -1,7 +1,8 @@
-//! Plays a recording onto the channels of cameras and projector, and compares the clouds that come of it.
+//! Plays a recording onto the channels of cameras and projector, and compares the resulting clouds with the recorded
+//! ones.
 //!
-//! It stands where cameras and projector stand, and keeps their accounts. Images keep their sessions, numbers and times, so
-//! that a window of the replay is that of the recording; only the numbers of the channels are new.
+//! The replayer takes the place of cameras and projector, and keeps their accounts. Images keep their sessions, numbers
+//! and times, so the windows of the replay are those of the recording. Only the numbers in the channels are new.
 
 mod comparison;
 mod configuration;

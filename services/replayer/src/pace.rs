@@ -1,4 +1,4 @@
-//! How fast a recording is played.
+//! Speed of a replay, and how far the pipeline has followed it.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -9,9 +9,9 @@ use fringeflow_runtime::Account;
 /// Speed of a replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// So many times as fast as it was recorded.
+    /// Multiple of the recorded speed.
     Rate(f64),
-    /// As fast as the slowest stage, losing nothing.
+    /// As fast as the slowest stage allows, without losses.
     Fastest,
 }
 
@@ -27,9 +27,9 @@ impl FromStr for Pace {
     }
 }
 
-/// The accounts of the stages that make clouds, as they stand.
+/// Present counts of the stages from images to clouds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Pipeline {
+pub(crate) struct PipelineCounts {
     pattern: Counts,
     pairing: Counts,
     windowing: Counts,
@@ -38,10 +38,10 @@ pub(crate) struct Pipeline {
     cloud: Counts,
 }
 
-impl Pipeline {
-    /// Reads the accounts in a folder.
+impl PipelineCounts {
+    /// Reads the accounts in a folder. A missing account counts as zero.
     pub(crate) fn read(folder: &Path) -> Self {
-        let counts = |stage| Account::read(folder, stage).unwrap_or_default();
+        let counts = |stage| Account::read_counts(folder, stage).unwrap_or_default();
         Self {
             pattern: counts(Stage::Pattern),
             pairing: counts(Stage::Pairing),
@@ -52,22 +52,23 @@ impl Pipeline {
         }
     }
 
-    /// Whether so many images and events have gone through, and their clouds were seen.
+    /// Returns whether the pipeline has processed so many images and events, and all clouds were received.
     ///
-    /// Images may still wait for the ones that decide about them; they are as few as the synchronization holds.
-    pub(crate) fn has_worked_off(&self, images: u64, events: u64, clouds_seen: u64) -> bool {
-        let has_taken = |counts: &Counts, put_out: u64| counts.taken >= put_out;
-        self.is_at_rest()
+    /// Some images may still wait for later images that complete a pair or a window; the synchronization limits their
+    /// number.
+    pub(crate) fn has_processed(&self, images: u64, events: u64, received_clouds: u64) -> bool {
+        let has_taken = |counts: &Counts, sent: u64| counts.taken >= sent;
+        self.is_idle()
             && has_taken(&self.pairing, images)
             && has_taken(&self.pattern, events)
             && has_taken(&self.phase, self.windowing.passed)
             && has_taken(&self.correspondence, self.phase.passed)
             && has_taken(&self.cloud, self.correspondence.passed)
-            && clouds_seen >= self.cloud.passed
+            && received_clouds >= self.cloud.passed
     }
 
-    /// Whether no stage works on anything: what has not gone on by then was lost on the way.
-    pub(crate) fn is_at_rest(&self) -> bool {
+    /// Returns whether no stage has an item in work. Items that have not reached the next stage then may be lost.
+    pub(crate) fn is_idle(&self) -> bool {
         [&self.phase, &self.correspondence, &self.cloud].iter().all(|counts| counts.in_work() == Some(0))
     }
 }

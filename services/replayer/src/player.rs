@@ -1,4 +1,4 @@
-//! The player: messages of a recording, one after the other, onto the channels of cameras and projector.
+//! Plays the messages of a recording, in order, onto the channels of cameras and projector.
 
 use std::collections::BTreeMap;
 use std::iter::Peekable;
@@ -12,7 +12,7 @@ use fringeflow_transport::{
     CAM1_FRAME, CAM2_FRAME, CLOUD, ChannelSizes, Node, PROJECTOR_PATTERN, Publisher, Subscriber, TRACKING_PRIOR,
 };
 
-use crate::pace::Pipeline;
+use crate::pace::PipelineCounts;
 use crate::{Comparison, Pace};
 
 /// Messages of a recording that are still to be played.
@@ -22,36 +22,37 @@ type Messages<'a> = Peekable<Box<dyn Iterator<Item = Result<Message, RecordingEr
 pub struct Player<'a> {
     messages: Messages<'a>,
     pace: Pace,
-    /// Clouds to compare with.
+    /// Comparison with the recorded clouds.
     pub comparison: Comparison,
     ports: Option<Ports>,
-    /// Times of the first message: when it was recorded, and when it was played.
-    begun_ns: Option<(u64, u64)>,
+    /// When the first message was recorded, and when it was played.
+    start_ns: Option<(u64, u64)>,
 }
 
-/// Channels and accounts in the place of cameras and projector.
+/// Channels and accounts of the replaced cameras and projector.
 struct Ports {
     cameras: [Publisher<FrameHeader, [u8]>; 2],
     events: Publisher<(), PatternEvent>,
     priors: Publisher<PriorHeader, [u8]>,
     clouds: Subscriber<CloudHeader, [u8]>,
-    /// Of both cameras.
+    /// Accounts of both cameras.
     image_accounts: [Account; 2],
     event_account: Account,
-    /// Events so far, by the session of their driver: each session is numbered without gaps, as a driver does it.
-    announced: BTreeMap<u64, u64>,
+    /// Number of the next event, by the session of the projector driver. Each session is numbered without gaps, as a
+    /// driver does it.
+    next_sequences: BTreeMap<u64, u64>,
     accounts: PathBuf,
-    clouds_seen: u64,
-    /// The pipeline at the last change, and when it last changed or got something.
-    pipeline: (Pipeline, u64),
+    received_clouds: u64,
+    /// The counts at their last change, and when they changed or a message was sent.
+    pipeline: (PipelineCounts, u64),
 }
 
-/// Time after which a pipeline at rest that has not got everything will not get it any more, nanoseconds: longer than a
-/// service takes to find a lost connection.
-const PATIENCE_NS: u64 = 10_000_000_000;
+/// If a pipeline is idle for this time, messages that it has not received are lost, nanoseconds. A service finds a lost
+/// connection in less time.
+const IDLE_TIMEOUT_NS: u64 = 10_000_000_000;
 
 impl<'a> Player<'a> {
-    /// A player of everything that cameras and projector put into a recording.
+    /// Creates a player of the images, pattern events and priors of a recording.
     #[must_use]
     pub fn new(recording: &'a Recording, pace: Pace, comparison: Comparison) -> Self {
         let is_played = |message: &Result<Message, RecordingError>| {
@@ -60,13 +61,14 @@ impl<'a> Player<'a> {
             message.as_ref().map_or(true, is_input)
         };
         let messages: Box<dyn Iterator<Item = _>> = Box::new(recording.messages().filter(is_played));
-        Self { messages: messages.peekable(), pace, comparison, ports: None, begun_ns: None }
+        Self { messages: messages.peekable(), pace, comparison, ports: None, start_ns: None }
     }
 
-    /// When a message is due, by the clock of this machine; `None` where it is due once the pipeline is idle.
+    /// Returns when a message is due, on the clock of this machine. Returns `None` if it is due as soon as the pipeline
+    /// has processed the messages before it.
     fn due_ns(&mut self, log_ns: u64) -> Option<u64> {
         let Pace::Rate(rate) = self.pace else { return None };
-        let (recorded_ns, played_ns) = *self.begun_ns.get_or_insert_with(|| (log_ns, clock::now_ns()));
+        let (recorded_ns, played_ns) = *self.start_ns.get_or_insert_with(|| (log_ns, clock::now_ns()));
         Some(played_ns + (log_ns.saturating_sub(recorded_ns) as f64 / rate) as u64)
     }
 }
@@ -77,23 +79,23 @@ impl Source for Player<'_> {
         Ok(())
     }
 
-    fn turn(&mut self) -> Result<Progress, SourceError> {
+    fn publish_due(&mut self) -> Result<Progress, SourceError> {
         loop {
             let Some(ports) = &mut self.ports else { return Ok(Progress::Waiting) };
-            ports.see_clouds(&mut self.comparison);
-            // At a steady rate nobody waits for the pipeline.
-            let is_idle = self.pace != Pace::Fastest || ports.is_idle();
+            ports.compare_clouds(&mut self.comparison);
+            // At a fixed rate the player does not wait for the pipeline.
+            let is_ready = self.pace != Pace::Fastest || ports.has_pipeline_finished();
             let Some(next) = self.messages.peek() else {
-                return Ok(if is_idle { Progress::Finished } else { Progress::Waiting });
+                return Ok(if is_ready { Progress::Finished } else { Progress::Waiting });
             };
             let log_ns = next.as_ref().map_or(0, |message| message.log_ns);
             match self.due_ns(log_ns) {
                 Some(due_ns) if clock::now_ns() < due_ns => return Ok(Progress::Next(due_ns)),
-                None if !is_idle => return Ok(Progress::Waiting),
+                None if !is_ready => return Ok(Progress::Waiting),
                 _ => {}
             }
             if let (Some(message), Some(ports)) = (self.messages.next(), &mut self.ports) {
-                ports.put_out(&message?)?;
+                ports.send(&message?)?;
             }
         }
     }
@@ -112,58 +114,60 @@ impl Ports {
             clouds: Subscriber::open(node, CLOUD, sizes)?,
             image_accounts: [Account::open(accounts, Stage::Camera1)?, Account::open(accounts, Stage::Camera2)?],
             event_account: Account::open(accounts, Stage::Projector)?,
-            announced: BTreeMap::new(),
+            next_sequences: BTreeMap::new(),
             accounts: accounts.to_owned(),
-            clouds_seen: 0,
-            pipeline: (Pipeline::default(), 0),
+            received_clouds: 0,
+            pipeline: (PipelineCounts::default(), 0),
         })
     }
 
-    fn see_clouds(&mut self, comparison: &mut Comparison) {
+    /// Receives the waiting clouds and compares them.
+    fn compare_clouds(&mut self, comparison: &mut Comparison) {
         while let Some(cloud) = receive(&mut self.clouds) {
             comparison.add(cloud.header(), cloud.payload());
-            self.clouds_seen = cloud.header().published + 1;
+            self.received_clouds = cloud.header().published + 1;
         }
     }
 
-    /// Whether everything that was put out has gone through, and its clouds were seen, or will not be any more.
-    fn is_idle(&mut self) -> bool {
-        let (pipeline, now_ns) = (Pipeline::read(&self.accounts), clock::now_ns());
+    /// Returns whether the pipeline has processed all messages sent so far, and their clouds were received. Also true
+    /// if messages or clouds are lost.
+    fn has_pipeline_finished(&mut self) -> bool {
+        let (pipeline, now_ns) = (PipelineCounts::read(&self.accounts), clock::now_ns());
         let images = self.image_accounts.iter().map(|account| account.counts().passed).sum();
-        if pipeline.has_worked_off(images, self.event_account.counts().passed, self.clouds_seen) {
+        if pipeline.has_processed(images, self.event_account.counts().passed, self.received_clouds) {
             return true;
         }
         if pipeline != self.pipeline.0 {
             self.pipeline = (pipeline, now_ns);
             return false;
         }
-        self.pipeline.0.is_at_rest() && now_ns.saturating_sub(self.pipeline.1) >= PATIENCE_NS
+        self.pipeline.0.is_idle() && now_ns.saturating_sub(self.pipeline.1) >= IDLE_TIMEOUT_NS
     }
 
-    /// Puts out a message under the next number of its channel.
-    fn put_out(&mut self, message: &Message) -> Result<(), AccountError> {
+    /// Sends a message with the next number of its channel.
+    fn send(&mut self, message: &Message) -> Result<(), AccountError> {
         let sent = match &message.content {
             Content::Frame(header, image) => {
                 let camera = usize::from(header.camera == 2);
                 let published = {
-                    self.image_accounts[camera].take(1)?;
-                    self.image_accounts[camera].pass()?
+                    self.image_accounts[camera].count_taken(1)?;
+                    self.image_accounts[camera].count_passed()?
                 };
                 let header = FrameHeader { published, flags: header.flags | flags::REPLAYED, ..*header };
                 self.cameras[camera].send(&header, image)
             }
             Content::Pattern(event) => {
-                let announced = self.announced.entry(event.session).or_default();
-                let sequence = *announced;
-                *announced += 1;
-                self.event_account.take(1)?;
-                self.event_account.pass_as(event.session, sequence)?;
+                let next_sequence = self.next_sequences.entry(event.session).or_default();
+                let sequence = *next_sequence;
+                *next_sequence += 1;
+                self.event_account.count_taken(1)?;
+                self.event_account.count_passed_item(event.session, sequence)?;
                 self.events.send_message(&PatternEvent { sequence, ..*event })
             }
             Content::Prior(header, relief) => self.priors.send(header, relief),
             _ => Ok(()),
         };
-        // What could not be sent is missing in the channel, and counted there.
+        // A message that was not sent is missing in the channel, and the next stage counts it.
         if let Err(error) = sent {
             tracing::warn!("{error}");
         }

@@ -1,4 +1,4 @@
-//! What a service is started with.
+//! Arguments of a service, and the configuration, setup and segment table that they name.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use fringeflow_config::{ConfigurationError, ScannerConfiguration, SetupTextError
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
 use fringeflow_lab::simulation::{read_configuration, setup_text};
 
-use crate::processors::{self, AffinityError, Standing};
+use crate::processors::{self, AffinityError, ResourceGrants};
 
 /// Arguments that every service takes.
 #[derive(Clone, Debug, clap::Args)]
@@ -15,27 +15,28 @@ pub struct ServiceArgs {
     /// Configuration of the scanner, see configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
-    /// Folder with meta.json and calibration.yml, in place of the rig of the configuration.
+    /// Folder with meta.json and calibration.yml, instead of the rig in the configuration.
     #[arg(long, value_name = "FOLDER")]
     pub setup: Option<PathBuf>,
-    /// File of the segment table, in place of that of the configuration. It is read if it exists, else computed and written.
+    /// File of the segment table, instead of the one in the configuration. It is read if it exists, else computed and
+    /// written.
     #[arg(long, value_name = "FILE")]
     pub segment_table: Option<PathBuf>,
-    /// How often the service was started before in this instance.
+    /// Number of restarts of the service in this instance.
     #[arg(long, hide = true, default_value_t = 0)]
     pub restarts: u32,
-    /// End when standard input ends.
+    /// Stop when standard input ends.
     #[arg(long, hide = true)]
     pub supervised: bool,
 }
 
-/// Why the arguments yield no setup.
+/// Arguments that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ArgumentError {
-    /// The configuration file.
+    /// The configuration file cannot be used.
     #[error(transparent)]
     Configuration(#[from] ConfigurationError),
-    /// CPUs that a service is given and cannot have.
+    /// A service cannot have the CPUs that the configuration gives it.
     #[error("{}: in [processors.{service}]: {source}", config.display())]
     Processors {
         /// The configuration file.
@@ -46,7 +47,7 @@ pub enum ArgumentError {
         #[source]
         source: AffinityError,
     },
-    /// The rig that the configuration names.
+    /// The rig in the configuration cannot be used.
     #[error("{}: {source}", config.display())]
     Rig {
         /// The configuration file.
@@ -55,16 +56,16 @@ pub enum ArgumentError {
         #[source]
         source: SetupTextError,
     },
-    /// A file of the setup folder.
+    /// A file of the setup folder cannot be read.
     #[error("{}: cannot be read: {source}", file.display())]
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// The system error.
         #[source]
         source: std::io::Error,
     },
-    /// What a file of the setup says.
+    /// The setup is invalid.
     #[error("{}: {source}", from.display())]
     Setup {
         /// Where the setup comes from.
@@ -74,7 +75,10 @@ pub enum ArgumentError {
         source: SetupError,
     },
     /// The setup has no measurement volume.
-    #[error("{}: there is no measurement volume; state one in the configuration (key measurement_volume)", from.display())]
+    #[error(
+        "{}: the setup has no measurement volume; add one to the configuration (key measurement_volume)",
+        from.display()
+    )]
     NoVolume {
         /// Where the setup comes from.
         from: PathBuf,
@@ -85,7 +89,7 @@ pub enum ArgumentError {
 }
 
 impl ServiceArgs {
-    /// The arguments on a command line, without those that a supervisor adds.
+    /// Returns the arguments of a command line, without those that a supervisor adds.
     #[must_use]
     pub fn to_command_line(&self) -> Vec<String> {
         let named = [("--config", Some(&self.config)), ("--setup", self.setup.as_ref())];
@@ -102,31 +106,31 @@ impl ServiceArgs {
         Ok(read_configuration(&self.config)?)
     }
 
-    /// Whether this machine has the CPUs that services are given.
+    /// Checks that this process may use the CPUs that the configuration gives to services.
     ///
     /// # Errors
     /// [`ArgumentError::Processors`].
     pub fn check_processors(&self, configuration: &ScannerConfiguration) -> Result<(), ArgumentError> {
-        processors::check(&configuration.processors).map_err(|refused| self.refused_processors(refused))
+        processors::check(&configuration.processors).map_err(|error| self.processors_error(error))
     }
 
-    /// Takes what a service is given of the machine, before it starts threads.
-    pub(crate) fn take_processors(
+    /// Applies the CPUs, threads, priority and memory lock of a service. Called before it starts threads.
+    pub(crate) fn apply_processors(
         &self,
         configuration: &ScannerConfiguration,
         service: &'static str,
-    ) -> Result<Option<Standing>, ArgumentError> {
-        processors::take(&configuration.processors, service).map_err(|refused| self.refused_processors(refused))
+    ) -> Result<Option<ResourceGrants>, ArgumentError> {
+        processors::apply(&configuration.processors, service).map_err(|error| self.processors_error(error))
     }
 
-    fn refused_processors(&self, (service, source): (&'static str, AffinityError)) -> ArgumentError {
+    fn processors_error(&self, (service, source): (&'static str, AffinityError)) -> ArgumentError {
         ArgumentError::Processors { config: self.config.clone(), service, source }
     }
 
-    /// Reads the setup: from its folder, or as the configuration says.
+    /// Reads the setup from its folder, or else from the configuration.
     ///
     /// # Errors
-    /// A file that cannot be read, or what it says.
+    /// A file cannot be read, or the setup is invalid.
     pub fn setup(&self, configuration: &ScannerConfiguration) -> Result<Setup, ArgumentError> {
         let (text, from) = match &self.setup {
             Some(folder) => (read_folder(folder)?, folder),
@@ -147,7 +151,7 @@ impl ServiceArgs {
     /// Loads or computes the segment table of a setup.
     ///
     /// # Errors
-    /// No volume, a rig without table, or a file that cannot be used.
+    /// There is no measurement volume, the rig has no segment table, or its file cannot be used.
     pub fn segment_table(
         &self,
         configuration: &ScannerConfiguration,

@@ -1,8 +1,8 @@
-//! The one clock of the pipeline.
+//! The clock of the pipeline.
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// Nanoseconds of `CLOCK_MONOTONIC`, the clock of V4L2's time stamps.
+/// Returns the time of `CLOCK_MONOTONIC`, the clock of V4L2 time stamps, nanoseconds.
 #[must_use]
 pub fn now_ns() -> u64 {
     let now = clock_gettime(ClockId::Monotonic);

@@ -1,4 +1,4 @@
-//! What a service stands on: its configuration and setup, its place in the instance, its accounts and reports.
+//! Environment of a running service: configuration, setup, its place in the instance, accounts and reports.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,24 +13,24 @@ use fringeflow_transport::{
 use fringeflow_wire as wire;
 
 use crate::clock::now_ns;
-use crate::{Account, AccountError, ArgumentError, Preparing, ServiceArgs, Stop};
+use crate::{Account, AccountError, ArgumentError, PreparationReporter, ServiceArgs, Stop, accounts_folder};
 
-/// Longest wait of a service for messages: signs of life and the end of a run are not missed by more.
-pub const BEAT: Duration = Duration::from_millis(100);
-/// Time between two signs of life, nanoseconds.
-const SIGN_OF_LIFE_NS: u64 = 500_000_000;
-/// Time between two looks at the connections, nanoseconds.
-const CONNECTION_CHECK_NS: u64 = 1_000_000_000;
-/// Pause between two looks at the account of a stage that is waited for.
-pub const PAUSE: Duration = Duration::from_micros(500);
+/// Longest wait of a service for messages. Heartbeats and the reaction to a stop request are late by this at most.
+pub const MAX_WAIT: Duration = Duration::from_millis(100);
+/// Time between two heartbeats, nanoseconds.
+const HEARTBEAT_INTERVAL_NS: u64 = 500_000_000;
+/// Time between two checks of the connections, nanoseconds.
+const CONNECTION_CHECK_INTERVAL_NS: u64 = 1_000_000_000;
+/// Time between two reads of the account of a stage that is waited for.
+pub const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 /// Why a service ended.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
-    /// What it was started with.
+    /// Its arguments, or the files that they name.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// The channels.
+    /// A channel.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// Its account.
@@ -39,13 +39,13 @@ pub enum ServiceError {
     /// The system refuses signal handlers.
     #[error("signals cannot be handled: {0}")]
     Signals(#[source] std::io::Error),
-    /// Something of this service alone, with the reason.
+    /// A problem of this service alone.
     #[error("{0}")]
     Unusable(String),
 }
 
 impl ServiceError {
-    /// Whether starting the service again would not help: arguments, files or the machine must change first.
+    /// Returns whether a restart would not help, because arguments, files or the machine must change first.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         match self {
@@ -56,7 +56,7 @@ impl ServiceError {
     }
 }
 
-/// Where a process of an instance stands.
+/// Environment of a service of an instance.
 #[derive(Debug)]
 pub struct Host {
     /// Configuration of the scanner.
@@ -67,13 +67,13 @@ pub struct Host {
     pub node: Node,
     /// Sizes of the messages.
     pub sizes: ChannelSizes,
-    /// Whether the service is to end.
+    /// Request to stop the service.
     pub stop: Stop,
     accounts: PathBuf,
     restarts: u32,
     reports: Publisher<(), StageReport>,
-    beaten_ns: u64,
-    checked_ns: u64,
+    last_heartbeat_ns: u64,
+    last_check_ns: u64,
 }
 
 /// Times of an item that a stage has finished.
@@ -81,26 +81,27 @@ pub struct Host {
 pub struct ItemTimes {
     /// Start of its last exposure.
     pub exposure_start_ns: u64,
-    /// When its last image had reached this machine.
+    /// Arrival of its last image on this machine.
     pub received_ns: u64,
-    /// When it was taken.
+    /// When the stage took it.
     pub taken_ns: u64,
-    /// When it was put out.
+    /// When the stage passed it on.
     pub passed_ns: u64,
 }
 
 impl Host {
-    /// Reads configuration and setup, takes what service `name` is given of the machine, and joins the instance under that name.
+    /// Reads configuration and setup, applies the CPUs, threads, priority and memory lock that are configured for
+    /// service `name`, and joins the instance under that name.
     ///
     /// # Errors
     /// [`ServiceError`].
     pub fn open(arguments: &ServiceArgs, name: &'static str) -> Result<Self, ServiceError> {
         let configuration = arguments.configuration()?;
-        // Before anything starts a thread: threads inherit it.
-        let standing = arguments.take_processors(&configuration, name)?;
-        let stop = Stop::on_signals().map_err(ServiceError::Signals)?;
+        // Before any thread starts: threads inherit CPUs and priority.
+        let grants = arguments.apply_processors(&configuration, name)?;
+        let stop = Stop::from_signals().map_err(ServiceError::Signals)?;
         if arguments.supervised {
-            stop.also_when_input_ends();
+            stop.watch_stdin();
         }
         let setup = arguments.setup(&configuration)?;
         let instance = Instance::new(&configuration.name)?;
@@ -108,46 +109,57 @@ impl Host {
         let sizes = channel_sizes(&setup, &configuration);
         let reports = Publisher::open(&node, REPORT_STAGE, &sizes)?;
         let accounts = accounts_folder(&instance);
-        if let Some(standing) = standing {
-            standing.tell(&accounts, name);
+        if let Some(grants) = grants {
+            grants.publish(&accounts, name);
         }
-        let restarts = arguments.restarts;
-        Ok(Self { configuration, setup, node, sizes, stop, accounts, restarts, reports, beaten_ns: 0, checked_ns: 0 })
+        Ok(Self {
+            configuration,
+            setup,
+            node,
+            sizes,
+            stop,
+            accounts,
+            restarts: arguments.restarts,
+            reports,
+            last_heartbeat_ns: 0,
+            last_check_ns: 0,
+        })
     }
 
-    /// How often this service was started before in this instance.
+    /// Returns how often this service was restarted in this instance.
     #[must_use]
     pub fn restarts(&self) -> u32 {
         self.restarts
     }
 
-    /// Tells that this service prepares something of `total` parts before it can work.
+    /// Begins a preparation of `total` parts that this service needs before it can work. Other processes can read its
+    /// progress.
     #[must_use]
-    pub fn prepare(&self, what: &str, total: u64) -> Preparing {
-        Preparing::begin(&self.accounts, what, total)
+    pub fn begin_preparation(&self, what: &str, total: u64) -> PreparationReporter {
+        PreparationReporter::new(&self.accounts, what, total)
     }
 
     /// Opens the account of a stage that this service keeps.
     ///
     /// # Errors
     /// The file cannot be read or written.
-    pub fn account(&self, stage: Stage) -> Result<Account, AccountError> {
+    pub fn open_account(&self, stage: Stage) -> Result<Account, AccountError> {
         Account::open(&self.accounts, stage)
     }
 
-    /// Counts of a stage that another service keeps; `None` where none does.
+    /// Reads the counts of a stage that another service keeps. Returns `None` if the stage has no account.
     #[must_use]
-    pub fn counts_of(&self, stage: Stage) -> Option<Counts> {
-        Account::read(&self.accounts, stage)
+    pub fn read_counts(&self, stage: Stage) -> Option<Counts> {
+        Account::read_counts(&self.accounts, stage)
     }
 
-    /// Session and number of the item that a stage put out last.
+    /// Reads session and number of the last item that a stage passed on. Returns `None` if there is none.
     #[must_use]
-    pub fn last_of(&self, stage: Stage) -> Option<[u64; 2]> {
-        Account::read_last(&self.accounts, stage)
+    pub fn read_last_item(&self, stage: Stage) -> Option<[u64; 2]> {
+        Account::read_last_item(&self.accounts, stage)
     }
 
-    /// Counts as lost what the stages before have put out while this service did not listen.
+    /// Counts items as lost that the stages before sent while this service did not listen.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -155,13 +167,13 @@ impl Host {
         account.catch_up(&self.accounts, reason)
     }
 
-    /// Whether the stages before have put out something that has not come.
+    /// Returns whether the stages before have sent items that have not arrived.
     #[must_use]
     pub fn is_behind(&self, account: &Account) -> bool {
         account.is_behind(&self.accounts)
     }
 
-    /// [`ensure_connected`](crate::ensure_connected) by the accounts of this instance.
+    /// Opens a port again if it lost its publisher; see [`ensure_connected`](crate::ensure_connected).
     ///
     /// # Errors
     /// As there.
@@ -175,27 +187,28 @@ impl Host {
         crate::ensure_connected(port, &self.accounts, from, next, now_ns)
     }
 
-    /// Whether the next stage has time: has begun all that this one put out, so that both work and nothing grows old between
-    /// them. True where there is no next stage.
+    /// Returns whether the next stage has taken all items that this stage passed on, or has no account. Then both
+    /// stages work at the same time, and no item waits between them.
     #[must_use]
     pub fn is_free(&self, next: Stage, account: &Account) -> bool {
-        self.counts_of(next).is_none_or(|counts| counts.taken >= account.counts().passed)
+        self.read_counts(next).is_none_or(|counts| counts.taken >= account.counts().passed)
     }
 
-    /// Waits until the next stage is free or the service is to end, where the configuration wants no window lost.
+    /// Waits until the next stage is free or the service is to stop. Returns at once unless the configuration has
+    /// `window.when_busy = "wait"`, so that no window is lost.
     pub fn wait_until_free(&self, next: Stage, account: &Account) {
         while self.configuration.wait_when_busy && !self.is_free(next, account) && !self.stop.is_requested() {
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    /// Reports the counts of a stage, and the item that it finished.
+    /// Reports the counts of a stage, and the times of the item that it finished.
     pub fn report(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>) {
-        self.report_pairs(stage, counts, item, Skew::default());
+        self.report_with_skew(stage, counts, item, Skew::default());
     }
 
-    /// [`Self::report`] of a stage that pairs images, with the skew of the pairs since the report before.
-    pub fn report_pairs(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>, skew: Skew) {
+    /// Reports as [`Self::report`] does, with the skew of the image pairs since the previous report.
+    pub fn report_with_skew(&mut self, stage: Stage, counts: &Counts, item: Option<ItemTimes>, skew: Skew) {
         if let Some(ItemTimes { exposure_start_ns, taken_ns, passed_ns, .. }) = item {
             let took_us = passed_ns.saturating_sub(taken_ns) / 1000;
             tracing::trace!(stage = stage.name(), took_us, exposure_start_ns, "item");
@@ -214,40 +227,38 @@ impl Host {
             counts: *counts,
             skew,
         };
-        // A report that nobody gets is not worth a service; the counts are in the account, and come with the next one.
+        // A lost report must not end the service: the account has the counts, and so does the next report.
         if let Err(error) = self.reports.send_message(&report) {
-            tracing::debug!(%error, "no report");
+            tracing::debug!(%error, "the report was not sent");
         }
     }
 
-    /// Whether a sign of life is due; it is taken as given.
-    pub fn beat_is_due(&mut self) -> bool {
+    /// Returns whether a heartbeat is due. If so, it counts as sent.
+    pub fn is_heartbeat_due(&mut self) -> bool {
         let now_ns = now_ns();
-        let due = now_ns.saturating_sub(self.beaten_ns) >= SIGN_OF_LIFE_NS;
-        if due {
-            self.beaten_ns = now_ns;
+        let is_due = now_ns.saturating_sub(self.last_heartbeat_ns) >= HEARTBEAT_INTERVAL_NS;
+        if is_due {
+            self.last_heartbeat_ns = now_ns;
         }
-        due
+        is_due
     }
 
-    /// Looks after the connections about once a second: `check` those of the service's own ports.
-    ///
-    /// # Errors
-    /// A port that cannot be opened again is tried at the next look; this never fails the service.
-    pub fn tend(&mut self, check: impl FnOnce(&Self, u64) -> Result<(), TransportError>) {
+    /// Checks the connections about once a second; `check_ports` checks the ports of the service itself. An error is
+    /// logged, and the next check tries again.
+    pub fn check_connections(&mut self, check_ports: impl FnOnce(&Self, u64) -> Result<(), TransportError>) {
         let now_ns = now_ns();
-        if now_ns.saturating_sub(self.checked_ns) < CONNECTION_CHECK_NS {
+        if now_ns.saturating_sub(self.last_check_ns) < CONNECTION_CHECK_INTERVAL_NS {
             return;
         }
-        self.checked_ns = now_ns;
-        let own = self.reports.ensure_connected().map(|_| ());
-        if let Err(error) = own.and_then(|()| check(self, now_ns)) {
+        self.last_check_ns = now_ns;
+        let reports = self.reports.ensure_connected().map(|_| ());
+        if let Err(error) = reports.and_then(|()| check_ports(self, now_ns)) {
             tracing::warn!("{error}");
         }
     }
 }
 
-/// Sizes of the messages that a setup and a configuration lead to.
+/// Returns the sizes of the messages for a setup and a configuration.
 #[must_use]
 pub fn channel_sizes(setup: &Setup, configuration: &ScannerConfiguration) -> ChannelSizes {
     let pixels = setup.image_pixels();
@@ -262,15 +273,8 @@ pub fn channel_sizes(setup: &Setup, configuration: &ScannerConfiguration) -> Cha
     }
 }
 
-/// File that says where the dashboard of a running instance is, for whoever asks.
+/// Returns the file that holds the address of the dashboard while an instance runs.
 #[must_use]
 pub fn dashboard_file(instance: &Instance) -> PathBuf {
     accounts_folder(instance).join("dashboard.url")
-}
-
-/// Folder of the accounts of an instance. It stands beside the folder of the channels, so that whoever removes that one does
-/// not take the accounts with it.
-#[must_use]
-pub fn accounts_folder(instance: &Instance) -> PathBuf {
-    instance.runtime_dir().join(format!("{}.accounts", instance.name()))
 }

@@ -1,6 +1,7 @@
-//! What every service of Fringeflow shares: arguments, stopping, accounts, reports.
+//! Shared parts of all services: arguments, stop requests, accounts, reports, logs.
 //!
-//! A service is a loop around a worker of the library: take what came, count it, work, count it, put it out, report.
+//! A service is a loop around a worker of the library: take a message, count it, work, count the result, send it,
+//! report.
 
 mod account;
 mod arguments;
@@ -14,11 +15,11 @@ mod services;
 mod stop;
 mod transform;
 
-pub use account::{Account, AccountError, Arrivals, SOURCES, Source, messages, sources};
+pub use account::{Account, AccountError, Arrivals, Source, accounts_folder, sent_messages, sources};
 pub use arguments::{ArgumentError, ServiceArgs};
-pub use host::{BEAT, Host, ItemTimes, PAUSE, ServiceError, accounts_folder, channel_sizes, dashboard_file};
-pub use preparation::{Preparation, Preparing};
+pub use host::{Host, ItemTimes, MAX_WAIT, POLL_INTERVAL, ServiceError, channel_sizes, dashboard_file};
+pub use preparation::{Preparation, PreparationReporter};
 pub use receive::{ensure_connected, receive};
-pub use services::{ServiceKind, live_services, workers};
+pub use services::{ServiceKind, live_services, measurement_services};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};

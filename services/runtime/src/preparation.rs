@@ -1,5 +1,5 @@
-//! What a service prepares before it can work, and how far it is: a file beside the accounts, read by supervisor, dashboard and
-//! `status`.
+//! Progress of what a service prepares before it can work, in a file beside the accounts. Supervisor, dashboard and
+//! `status` read it.
 
 use std::fmt;
 use std::fs;
@@ -12,29 +12,29 @@ use fringeflow_transport::Instance;
 
 use crate::accounts_folder;
 
-/// How far a preparation is.
+/// Progress of a preparation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Preparation {
-    /// What is done, such as "Rendering images".
+    /// The task, such as "Rendering images".
     pub what: String,
-    /// Parts that are done.
+    /// Number of finished parts.
     pub done: u64,
-    /// All parts.
+    /// Number of all parts.
     pub total: u64,
 }
 
-/// Tells how far a preparation is, and that it has ended when it is dropped.
+/// Writes the progress of a preparation. Dropping it ends the preparation.
 #[derive(Debug)]
-pub struct Preparing {
+pub struct PreparationReporter {
     file: PathBuf,
     preparation: Preparation,
 }
 
 impl Preparation {
-    /// The preparation that a service of an instance works on; `None` where all are ready.
+    /// Reads the running preparation of an instance. Returns `None` if there is none.
     #[must_use]
     pub fn read(instance: &Instance) -> Option<Self> {
-        serde_json::from_slice(&fs::read(file(&accounts_folder(instance))).ok()?).ok()
+        serde_json::from_slice(&fs::read(progress_file(&accounts_folder(instance))).ok()?).ok()
     }
 }
 
@@ -44,28 +44,28 @@ impl fmt::Display for Preparation {
     }
 }
 
-impl Preparing {
-    /// Begins a preparation of `total` parts, by the folder of the accounts.
-    pub(crate) fn begin(accounts: &Path, what: &str, total: u64) -> Self {
+impl PreparationReporter {
+    /// Begins a preparation of `total` parts. `accounts` is the folder of the accounts.
+    pub(crate) fn new(accounts: &Path, what: &str, total: u64) -> Self {
         let preparation = Preparation { what: what.to_owned(), done: 0, total };
-        let preparing = Self { file: file(accounts), preparation };
-        preparing.tell();
-        preparing
+        let reporter = Self { file: progress_file(accounts), preparation };
+        reporter.publish();
+        reporter
     }
 
-    /// Tells that `done` parts are done.
-    pub fn reach(&mut self, done: u64) {
+    /// Sets the number of finished parts.
+    pub fn set_done(&mut self, done: u64) {
         self.preparation.done = done;
-        self.tell();
+        self.publish();
     }
 
-    fn tell(&self) {
+    fn publish(&self) {
         if let Err(error) = self.write() {
-            tracing::debug!(%error, "the progress cannot be shown");
+            tracing::debug!(%error, "the progress of the preparation cannot be written");
         }
     }
 
-    /// Replaces the file at once, so that nobody reads half of it.
+    /// Replaces the file in one step, so that readers never see half of it.
     fn write(&self) -> io::Result<()> {
         let unfinished = self.file.with_extension("part");
         self.file.parent().map_or(Ok(()), fs::create_dir_all)?;
@@ -74,14 +74,14 @@ impl Preparing {
     }
 }
 
-impl Drop for Preparing {
+impl Drop for PreparationReporter {
     fn drop(&mut self) {
-        // Without a file there is nothing to remove.
+        // An error is ignored: without a file there is nothing to remove.
         let _ = fs::remove_file(&self.file);
     }
 }
 
-fn file(accounts: &Path) -> PathBuf {
+fn progress_file(accounts: &Path) -> PathBuf {
     accounts.join("preparation.json")
 }
 
@@ -93,10 +93,10 @@ mod tests {
     fn progress_is_read_until_the_preparation_ends() {
         let folder = tempfile::tempdir().unwrap();
         let instance = Instance::in_folder(folder.path(), "t").unwrap();
-        let mut preparing = Preparing::begin(&accounts_folder(&instance), "Rendering images", 360);
-        preparing.reach(120);
+        let mut reporter = PreparationReporter::new(&accounts_folder(&instance), "Rendering images", 360);
+        reporter.set_done(120);
         assert_eq!(Preparation::read(&instance).unwrap().to_string(), "Rendering images: 120 of 360");
-        drop(preparing);
+        drop(reporter);
         assert_eq!(Preparation::read(&instance), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Which services an instance has, and in which order.
+//! The services of an instance, and their order.
 
 use fringeflow_config::{CameraSource, ProjectorDriver, ScannerConfiguration};
 use fringeflow_message::Stage;
@@ -14,22 +14,22 @@ pub enum ServiceKind {
     Camera1,
     /// Camera 2, a V4L2 device.
     Camera2,
-    /// Images to phase maps.
+    /// From images to phase maps.
     Phase,
-    /// Phase maps to correspondences.
+    /// From phase maps to correspondences.
     Correspondence,
-    /// Correspondences to clouds.
+    /// From correspondences to clouds.
     Cloud,
-    /// Clouds to poses and a model.
+    /// From clouds to poses and a model.
     Tracking,
-    /// Everything to a recording.
+    /// From all channels to a recording.
     Recorder,
     /// Metrics, dashboard, live view.
     Monitor,
 }
 
 impl ServiceKind {
-    /// All of them.
+    /// All services, in the order of the pipeline.
     pub const ALL: [Self; 10] = [
         Self::VirtualProjector,
         Self::VirtualCameras,
@@ -43,7 +43,7 @@ impl ServiceKind {
         Self::Monitor,
     ];
 
-    /// Its name as an argument of `fringeflow service`.
+    /// Returns the name, as an argument of `fringeflow service`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -60,7 +60,7 @@ impl ServiceKind {
         }
     }
 
-    /// The stages whose accounts it keeps, in the order of the pipeline.
+    /// Returns the stages whose accounts the service keeps, in the order of the pipeline.
     #[must_use]
     pub fn stages(self) -> &'static [Stage] {
         match self {
@@ -78,7 +78,7 @@ impl ServiceKind {
     }
 }
 
-/// The services of a live instance in the order of the pipeline, which is that in which they stop.
+/// Returns the services of a live instance in the order of the pipeline, in which they stop too.
 #[must_use]
 pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
     let projector = (configuration.projector == ProjectorDriver::Virtual).then_some(ServiceKind::VirtualProjector);
@@ -88,12 +88,12 @@ pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
         CameraSource::External => &[],
     };
     let monitor = configuration.monitor.is_enabled.then_some(ServiceKind::Monitor);
-    let scan = projector.into_iter().chain(cameras.iter().copied()).chain(workers(configuration));
+    let scan = projector.into_iter().chain(cameras.iter().copied()).chain(measurement_services(configuration));
     scan.chain([ServiceKind::Recorder]).chain(monitor).collect()
 }
 
-/// The services that make clouds of images, and poses of clouds where these are wanted, in the order of the pipeline.
-pub fn workers(configuration: &ScannerConfiguration) -> impl Iterator<Item = ServiceKind> {
+/// Returns the services from images to clouds, and to poses if the tracking is enabled, in the order of the pipeline.
+pub fn measurement_services(configuration: &ScannerConfiguration) -> impl Iterator<Item = ServiceKind> {
     let tracking = configuration.measurement.tracking.is_enabled.then_some(ServiceKind::Tracking);
     [ServiceKind::Phase, ServiceKind::Correspondence, ServiceKind::Cloud].into_iter().chain(tracking)
 }

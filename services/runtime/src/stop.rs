@@ -1,4 +1,4 @@
-//! When a service is to end: a signal, or the supervisor gone.
+//! Requests to stop a service: by a signal, or because the supervisor has ended.
 
 use std::io::{Read, stdin};
 use std::sync::Arc;
@@ -6,16 +6,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 
-/// Tells whether the service is to end; cheap to ask.
+/// A request to stop, shared by all clones. Reading it is cheap.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Listens to SIGINT and SIGTERM. SIGUSR1 and SIGUSR2, which would end the process, interrupt its waits and no more.
+    /// Creates a request that SIGINT and SIGTERM set. SIGUSR1 and SIGUSR2, which end a process by default, only
+    /// interrupt its waits.
     ///
     /// # Errors
-    /// The system refuses a handler.
-    pub fn on_signals() -> std::io::Result<Self> {
+    /// The system refuses a signal handler.
+    pub fn from_signals() -> std::io::Result<Self> {
         let stop = Self::default();
         for signal in [SIGINT, SIGTERM] {
             signal_hook::flag::register(signal, Arc::clone(&stop.0))?;
@@ -26,9 +27,9 @@ impl Stop {
         Ok(stop)
     }
 
-    /// Listens to the end of standard input too: a supervisor holds the other end of the pipe, and closes it to stop the
-    /// service, or by dying.
-    pub fn also_when_input_ends(&self) {
+    /// Requests the stop at the end of standard input too. The supervisor holds the other end of the pipe, and closes
+    /// it to stop the service, or by dying.
+    pub fn watch_stdin(&self) {
         let stop = self.clone();
         std::thread::spawn(move || {
             let mut ignored = [0; 64];
@@ -37,12 +38,12 @@ impl Stop {
         });
     }
 
-    /// Asks for the end.
+    /// Requests the stop.
     pub fn request(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the end was asked for.
+    /// Returns whether the stop was requested.
     #[must_use]
     pub fn is_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)

@@ -1,4 +1,4 @@
-//! The loop of a service that makes one message of another.
+//! The loop of a service that makes one output message of each input message.
 
 use std::fmt::Display;
 
@@ -6,66 +6,66 @@ use fringeflow_message::{DropReason, Stage, Window};
 use fringeflow_transport::{Channel, Header, Payload, Publisher, Received, Subscriber, TransportError, wait_for};
 
 use crate::clock::now_ns;
-use crate::host::{BEAT, Host, ItemTimes, ServiceError};
+use crate::host::{Host, ItemTimes, MAX_WAIT, ServiceError};
 use crate::{Account, AccountError, receive};
 
 /// A worker between two channels.
 pub trait Transform {
-    /// Header of what comes.
+    /// Header of the input.
     type InHeader: Header;
-    /// Payload of what comes.
+    /// Payload of the input.
     type InPayload: Payload + ?Sized;
-    /// Header of what goes.
+    /// Header of the output.
     type OutHeader: Header;
-    /// Payload of what goes.
+    /// Payload of the output.
     type OutPayload: Payload + ?Sized;
 
-    /// Where messages come from.
+    /// Channel of the input.
     const INPUT: Channel<Self::InHeader, Self::InPayload>;
-    /// Where results go.
+    /// Channel of the output.
     const OUTPUT: Channel<Self::OutHeader, Self::OutPayload>;
     /// This stage.
     const STAGE: Stage;
-    /// The stage behind, if there is one.
+    /// The next stage, if there is one.
     const NEXT: Option<Stage>;
 
-    /// Number of a message in its channel.
+    /// Returns the number of a message in its channel.
     fn published(header: &Self::InHeader) -> u64;
 
-    /// Takes a message over.
+    /// Reads a message.
     ///
     /// # Errors
-    /// It contradicts itself.
+    /// The message contradicts itself.
     fn read(&mut self, header: &Self::InHeader, payload: &Self::InPayload) -> Result<Window, Dropped>;
 
-    /// Makes the result.
+    /// Computes the result.
     ///
     /// # Errors
-    /// There is none.
+    /// There is no result.
     fn step(&mut self) -> Result<(), Dropped>;
 
-    /// Sends the result under a number.
+    /// Sends the result with number `published`.
     ///
     /// # Errors
-    /// The channel does not take it.
+    /// The channel refuses it.
     fn send(
         &mut self,
         published: u64,
         output: &mut Publisher<Self::OutHeader, Self::OutPayload>,
     ) -> Result<(), TransportError>;
 
-    /// Tells what there is to tell about the result that was sent under a number, beside the report of the stage.
+    /// Sends reports about the result with number `published`, besides the report of the stage.
     ///
     /// # Errors
-    /// The channel does not take it.
-    fn tell(&mut self, _published: u64) -> Result<(), TransportError> {
+    /// The channel refuses a report.
+    fn send_reports(&mut self, _published: u64) -> Result<(), TransportError> {
         Ok(())
     }
 
-    /// Opens again what ports of its own have lost their other side; asked about once a second.
+    /// Opens ports of the worker again if they lost their connection. Called about once a second.
     ///
     /// # Errors
-    /// They cannot be opened; the next call tries again.
+    /// A port cannot be opened; the next call tries again.
     fn ensure_connected(&mut self) -> Result<(), TransportError> {
         Ok(())
     }
@@ -74,16 +74,16 @@ pub trait Transform {
 /// Why an item has no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dropped {
-    /// What it is counted under.
+    /// Reason that the account counts.
     pub reason: DropReason,
-    /// What the log says.
-    pub why: String,
+    /// Message for the log.
+    pub message: String,
 }
 
 impl Dropped {
-    /// An item dropped for a reason, in the words of whoever found it.
-    pub fn new(reason: DropReason, why: impl Display) -> Self {
-        Self { reason, why: why.to_string() }
+    /// Drops an item for a reason; `message` goes into the log.
+    pub fn new(reason: DropReason, message: impl Display) -> Self {
+        Self { reason, message: message.to_string() }
     }
 }
 
@@ -92,36 +92,36 @@ struct Service<'a, T: Transform> {
     transform: T,
     account: Account,
     output: Publisher<T::OutHeader, T::OutPayload>,
-    /// The last reason that was logged: what repeats itself is said once.
-    logged: Option<DropReason>,
+    /// Reason of the last dropped item, until an item passes: consecutive drops for one reason are logged once.
+    last_reason: Option<DropReason>,
 }
 
-/// Runs a transform until the service is to end; then what still waits is worked off.
+/// Runs a transform until the service is to stop, and processes the messages that wait then.
 ///
 /// # Errors
 /// The channels or the account cannot be used.
 pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), ServiceError> {
     let mut input = Subscriber::open(&host.node, T::INPUT, &host.sizes)?;
     let output = Publisher::open(&host.node, T::OUTPUT, &host.sizes)?;
-    let account = host.account(T::STAGE)?;
-    let mut service = Service { host, transform, account, output, logged: None };
+    let account = host.open_account(T::STAGE)?;
+    let mut service = Service { host, transform, account, output, last_reason: None };
     service.host.catch_up(&mut service.account, DropReason::Restart)?;
     loop {
-        // Asked before the channel is emptied, so that what the stage before put out last is not left.
+        // Read before the channel is emptied, so that the last messages of the stage before are processed too.
         let is_last = service.host.stop.is_requested();
         while let Some(message) = receive(&mut input) {
-            service.work(message)?;
+            service.process(message)?;
         }
         if is_last {
             break;
         }
-        if service.host.beat_is_due() {
+        if service.host.is_heartbeat_due() {
             service.host.report(T::STAGE, service.account.counts(), None);
         }
-        if service.tend(&mut input) {
+        if service.check_connections(&mut input) {
             service.host.catch_up(&mut service.account, DropReason::Overrun)?;
         }
-        wait_for(&[&input], BEAT)?;
+        wait_for(&[&input], MAX_WAIT)?;
     }
     service.host.catch_up(&mut service.account, DropReason::Overrun)?;
     service.host.report(T::STAGE, service.account.counts(), None);
@@ -129,60 +129,60 @@ pub fn run_transform<T: Transform>(host: &mut Host, transform: T) -> Result<(), 
 }
 
 impl<T: Transform> Service<'_, T> {
-    /// Looks after the connections; whether the input was opened anew: what was sent to the old one is lost.
-    fn tend(&mut self, input: &mut Subscriber<T::InHeader, T::InPayload>) -> bool {
-        let mut is_renewed = false;
+    /// Checks the connections. Returns whether the input was opened again; messages in the old port are lost.
+    fn check_connections(&mut self, input: &mut Subscriber<T::InHeader, T::InPayload>) -> bool {
+        let mut is_reopened = false;
         let (account, output, transform) = (&self.account, &mut self.output, &mut self.transform);
-        self.host.tend(|host, now_ns| {
+        self.host.check_connections(|host, now_ns| {
             if !host.is_behind(account) {
                 input.forgive_silence();
             }
-            is_renewed = input.ensure_connected(now_ns)?;
+            is_reopened = input.ensure_connected(now_ns)?;
             output.ensure_connected()?;
             transform.ensure_connected()
         });
-        is_renewed
+        is_reopened
     }
 
-    fn work(&mut self, message: Received<T::InHeader, T::InPayload>) -> Result<(), ServiceError> {
+    fn process(&mut self, message: Received<T::InHeader, T::InPayload>) -> Result<(), ServiceError> {
         let taken_ns = now_ns();
-        if !self.account.arrive(0, T::published(message.header()))? {
+        if !self.account.count_arrival(0, T::published(message.header()))? {
             return Ok(());
         }
         let window = self.transform.read(message.header(), message.payload());
-        // The publisher needs the sample back sooner than the work is done.
+        // Before the step: the publisher needs the sample back soon.
         drop(message);
-        let done = window.and_then(|window| self.transform.step().map(|()| window));
-        match done {
+        let result = window.and_then(|window| self.transform.step().map(|()| window));
+        match result {
             Err(dropped) => self.drop_item(&dropped)?,
-            Ok(window) => self.put_out(&window, taken_ns)?,
+            Ok(window) => self.send_result(&window, taken_ns)?,
         }
         Ok(())
     }
 
     fn drop_item(&mut self, dropped: &Dropped) -> Result<(), AccountError> {
         self.account.drop_one(dropped.reason)?;
-        if self.logged.replace(dropped.reason) != Some(dropped.reason) {
-            tracing::warn!(reason = dropped.reason.name(), "{}", dropped.why);
+        if self.last_reason.replace(dropped.reason) != Some(dropped.reason) {
+            tracing::warn!(reason = dropped.reason.name(), "{}", dropped.message);
         }
         self.host.report(T::STAGE, self.account.counts(), None);
         Ok(())
     }
 
-    fn put_out(&mut self, window: &Window, taken_ns: u64) -> Result<(), ServiceError> {
+    fn send_result(&mut self, window: &Window, taken_ns: u64) -> Result<(), ServiceError> {
         if let Some(next) = T::NEXT {
             self.host.wait_until_free(next, &self.account);
         }
-        let published = self.account.pass()?;
-        // What could not be sent is missing in the channel, and counted there.
+        let published = self.account.count_passed()?;
+        // A result that was not sent is missing in the channel, and the next stage counts it.
         if let Err(error) = self.transform.send(published, &mut self.output) {
             tracing::warn!("{error}");
         }
-        // Behind the result, which somebody waits for.
-        if let Err(error) = self.transform.tell(published) {
-            tracing::debug!(%error, "no report");
+        // After the result, because the next stage waits for that.
+        if let Err(error) = self.transform.send_reports(published) {
+            tracing::debug!(%error, "a report was not sent");
         }
-        self.logged = None;
+        self.last_reason = None;
         let (exposure_start_ns, received_ns) = (window.last_exposure_ns, window.received_ns);
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: now_ns() };
         self.host.report(T::STAGE, self.account.counts(), Some(times));

@@ -1,4 +1,4 @@
-//! The services of the measurement, one after the other: each takes messages of one channel and puts out those of the next.
+//! The services of the measurement. Each receives messages of one channel and sends messages of the next.
 //!
 //! ```text
 //!  images, pattern events ─► phase ─maps─► correspondence ─correspondences─► cloud ─clouds─► tracking ─► poses, model
@@ -6,7 +6,8 @@
 //!                              └───────────────────────────── prior ────────────────────────────┘
 //! ```
 //!
-//! Each is thin: it opens its ports, asks a worker of the library, and accounts for what it took, passed and dropped.
+//! Each service is thin: it opens its ports, calls a worker of the library, and counts the items that it takes, passes
+//! on and drops.
 
 #![forbid(unsafe_code)]
 

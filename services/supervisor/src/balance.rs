@@ -1,13 +1,15 @@
-//! Whether the accounts of all stages add up: in each stage, and along each arrow between two.
+//! Checks that the counts of a finished run add up.
+//!
+//! In: the counts of every stage that ran. Out: the imbalances, within a stage and between a stage and its sources.
 
 use fringeflow_message::{Counts, Stage};
 use fringeflow_runtime::sources;
 
-/// The accounts of the stages that ran.
+/// Counts of the stages that ran.
 #[derive(Clone, Debug, Default)]
 pub struct Balance(pub Vec<(Stage, Counts)>);
 
-/// What does not add up.
+/// Counts that do not add up, as one sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Imbalance(String);
 
@@ -18,25 +20,27 @@ impl std::fmt::Display for Imbalance {
 }
 
 impl Balance {
-    /// The counts of a stage, if it ran.
+    /// Returns the counts of a stage, or `None` if it did not run.
     #[must_use]
-    pub fn of(&self, stage: Stage) -> Option<&Counts> {
+    pub fn counts(&self, stage: Stage) -> Option<&Counts> {
         self.0.iter().find(|(s, _)| *s == stage).map(|(_, counts)| counts)
     }
 
-    /// Everything that does not add up after the end of a run: `taken = passed + Σ dropped` in each stage, and what one
-    /// put out is what the next took.
+    /// Returns all imbalances after the end of a run. A run is balanced if `taken = passed + Σ dropped` holds in each
+    /// stage, and each stage took as many items as its sources passed on.
     #[must_use]
-    pub fn faults(&self) -> Vec<Imbalance> {
-        let mut faults: Vec<Imbalance> = self.0.iter().filter_map(|(stage, counts)| in_stage(*stage, counts)).collect();
-        faults.extend(self.0.iter().filter_map(|(stage, counts)| self.before(*stage, counts)));
-        faults
+    pub fn imbalances(&self) -> Vec<Imbalance> {
+        let stages = || self.0.iter();
+        let mut found: Vec<Imbalance> = stages().filter_map(|(stage, counts)| within_stage(*stage, counts)).collect();
+        found.extend(stages().filter_map(|(stage, counts)| self.before_stage(*stage, counts)));
+        found
     }
 
-    /// Compares what a stage took with what the stages before put out; those that ran elsewhere are not compared.
-    fn before(&self, stage: Stage, counts: &Counts) -> Option<Imbalance> {
+    /// Compares the items that a stage took with those that its sources passed on. Compares nothing if a source did not
+    /// run in this instance.
+    fn before_stage(&self, stage: Stage, counts: &Counts) -> Option<Imbalance> {
         let sources = sources(stage);
-        let passed: Option<u64> = sources.iter().map(|s| self.of(s.from).map(|c| c.passed / s.items)).sum();
+        let passed: Option<u64> = sources.iter().map(|s| self.counts(s.from).map(|c| c.passed / s.items)).sum();
         let passed = passed.filter(|_| !sources.is_empty())?;
         let names: Vec<&str> = sources.iter().map(|source| source.from.name()).collect();
         let (from, to, taken) = (names.join(" and "), stage.name(), counts.taken);
@@ -44,7 +48,8 @@ impl Balance {
     }
 }
 
-fn in_stage(stage: Stage, counts: &Counts) -> Option<Imbalance> {
+/// Checks `taken = passed + Σ dropped`.
+fn within_stage(stage: Stage, counts: &Counts) -> Option<Imbalance> {
     let (name, taken, passed, dropped) = (stage.name(), counts.taken, counts.passed, counts.all_dropped());
     match counts.in_work() {
         Some(0) => None,
@@ -66,7 +71,7 @@ mod tests {
         counts
     }
 
-    fn sound() -> Balance {
+    fn balanced() -> Balance {
         Balance(vec![
             (Stage::Camera1, counts(10, 9)),
             (Stage::Camera2, counts(10, 10)),
@@ -77,21 +82,21 @@ mod tests {
     }
 
     #[test]
-    fn what_adds_up_has_no_fault() {
-        assert_eq!(sound().faults(), []);
+    fn a_balanced_run_has_no_imbalances() {
+        assert_eq!(balanced().imbalances(), []);
     }
 
     #[test]
     fn one_item_too_few_or_too_many_is_found() {
         for (stage, wrong) in [(1, counts(10, 9)), (2, counts(18, 18)), (3, counts(8, 6)), (4, counts(7, 2))] {
-            let mut balance = sound();
+            let mut balance = balanced();
             balance.0[stage].1 = wrong;
-            assert!(!balance.faults().is_empty(), "{stage}");
+            assert!(!balance.imbalances().is_empty(), "{stage}");
         }
-        let mut lost = sound();
+        let mut lost = balanced();
         lost.0[4].1.passed = 1;
-        assert!(lost.faults()[0].to_string().contains("1 unaccounted for"), "{:?}", lost.faults());
+        assert!(lost.imbalances()[0].to_string().contains("1 unaccounted for"), "{:?}", lost.imbalances());
         lost.0[4].1.passed = 3;
-        assert!(lost.faults()[0].to_string().contains("phase took 6, but put out 3 and dropped 4"));
+        assert!(lost.imbalances()[0].to_string().contains("phase took 6, but put out 3 and dropped 4"));
     }
 }

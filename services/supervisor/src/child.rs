@@ -1,32 +1,18 @@
-//! One service as a child process: started, watched, started again, stopped.
+//! Runs one service as a child process: starts, watches, restarts and stops it.
 
 use std::io;
 use std::os::unix::process::ExitStatusExt;
-use std::path::PathBuf;
 use std::process::ExitStatus;
 
-use crate::process::Process;
+use crate::process::{Launch, Process};
 
-/// Wait before the first new start; doubled with every further one, up to the longest.
-const FIRST_WAIT_NS: u64 = 100_000_000;
-const LONGEST_WAIT_NS: u64 = 5_000_000_000;
-/// A service that ran this long is started again without much ado.
-const SETTLED_NS: u64 = 5_000_000_000;
-/// Exit code of a service whose arguments, configuration or surroundings are wrong: starting it again would not help.
-const WRONG_USAGE: i32 = 2;
-
-/// How services are started.
-#[derive(Clone, Debug)]
-pub(crate) struct Launch {
-    /// The `fringeflow` command.
-    pub(crate) program: PathBuf,
-    /// Arguments before the name of the service.
-    pub(crate) before: Vec<String>,
-    /// Arguments behind it.
-    pub(crate) behind: Vec<String>,
-    /// Whether their log passes through this process, which draws on the terminal that they would write to.
-    pub(crate) is_relayed: bool,
-}
+/// Delay before the first restart, nanoseconds. It doubles with every further restart, up to the maximum.
+const MIN_RESTART_DELAY_NS: u64 = 100_000_000;
+const MAX_RESTART_DELAY_NS: u64 = 5_000_000_000;
+/// A service that ran for longer than this is restarted after the minimum delay again, nanoseconds.
+const STABLE_NS: u64 = 5_000_000_000;
+/// Exit code for wrong arguments, configuration or environment. A restart would not help.
+const EXIT_WRONG_USAGE: i32 = 2;
 
 /// A service of the instance.
 #[derive(Debug)]
@@ -34,93 +20,97 @@ pub(crate) struct Service {
     pub(crate) name: &'static str,
     pub(crate) restarts: u32,
     state: State,
-    wait_ns: u64,
+    /// Delay before the next restart.
+    restart_delay_ns: u64,
+    /// Time of the last start.
     started_ns: u64,
 }
 
 #[derive(Debug)]
 enum State {
     Running(Process),
-    /// Died; is started again at a time.
-    Waiting {
-        until_ns: u64,
-        how: String,
+    /// The service died; it restarts at `restart_ns`.
+    WaitingToRestart {
+        restart_ns: u64,
+        exit: String,
     },
-    /// Stopped, or beyond help; how, if not well.
+    /// The service ended and will not be restarted. Holds the exit of a service that failed.
     Ended(Option<String>),
 }
 
-/// What became of a service since the last look.
+/// Change of a service since the last poll. `exit` says how it ended: `exit code 1` or `signal 9`.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Event {
-    /// It died and will be started again after the wait.
-    Died { how: String, wait_ns: u64 },
-    /// It was started again.
+pub(crate) enum ServiceEvent {
+    /// The service died and will be restarted after the delay.
+    Died { exit: String, delay_ns: u64 },
+    /// The service was restarted.
     Restarted,
-    /// It cannot run at all.
-    Hopeless { how: String },
+    /// The service cannot run with its arguments, configuration or environment.
+    CannotRun { exit: String },
 }
 
 impl Service {
     pub(crate) fn start(name: &'static str, launch: &Launch, now_ns: u64) -> io::Result<Self> {
         let state = State::Running(Process::spawn(name, launch, 0)?);
-        Ok(Self { name, restarts: 0, state, wait_ns: FIRST_WAIT_NS, started_ns: now_ns })
+        Ok(Self { name, restarts: 0, state, restart_delay_ns: MIN_RESTART_DELAY_NS, started_ns: now_ns })
     }
 
-    /// Looks after the service: notices its death, and starts it again when its wait is over.
-    pub(crate) fn tend(&mut self, launch: &Launch, now_ns: u64) -> io::Result<Option<Event>> {
+    /// Notices the death of the service, and restarts it once the delay is over.
+    pub(crate) fn poll(&mut self, launch: &Launch, now_ns: u64) -> io::Result<Option<ServiceEvent>> {
         match &mut self.state {
             State::Running(process) => match process.try_wait()? {
-                Some(status) => Ok(Some(self.died(status, now_ns))),
+                Some(status) => Ok(Some(self.handle_death(status, now_ns))),
                 None => Ok(None),
             },
-            State::Waiting { until_ns, .. } if now_ns >= *until_ns => {
+            State::WaitingToRestart { restart_ns, .. } if now_ns >= *restart_ns => {
                 self.restarts += 1;
                 self.state = State::Running(Process::spawn(self.name, launch, self.restarts)?);
                 self.started_ns = now_ns;
-                Ok(Some(Event::Restarted))
+                Ok(Some(ServiceEvent::Restarted))
             }
-            State::Waiting { .. } | State::Ended(_) => Ok(None),
+            State::WaitingToRestart { .. } | State::Ended(_) => Ok(None),
         }
     }
 
-    fn died(&mut self, status: ExitStatus, now_ns: u64) -> Event {
-        let how = describe(status);
-        if status.code() == Some(WRONG_USAGE) {
-            self.state = State::Ended(Some(how.clone()));
-            return Event::Hopeless { how };
+    /// Schedules a restart, unless the exit code says that it would not help.
+    fn handle_death(&mut self, status: ExitStatus, now_ns: u64) -> ServiceEvent {
+        let exit = describe(status);
+        if status.code() == Some(EXIT_WRONG_USAGE) {
+            self.state = State::Ended(Some(exit.clone()));
+            return ServiceEvent::CannotRun { exit };
         }
-        if now_ns.saturating_sub(self.started_ns) > SETTLED_NS {
-            self.wait_ns = FIRST_WAIT_NS;
+        if now_ns.saturating_sub(self.started_ns) > STABLE_NS {
+            self.restart_delay_ns = MIN_RESTART_DELAY_NS;
         }
-        let wait_ns = self.wait_ns;
-        self.state = State::Waiting { until_ns: now_ns + wait_ns, how: how.clone() };
-        self.wait_ns = (2 * wait_ns).min(LONGEST_WAIT_NS);
-        Event::Died { how, wait_ns }
+        let delay_ns = self.restart_delay_ns;
+        self.state = State::WaitingToRestart { restart_ns: now_ns + delay_ns, exit: exit.clone() };
+        self.restart_delay_ns = (2 * delay_ns).min(MAX_RESTART_DELAY_NS);
+        ServiceEvent::Died { exit, delay_ns }
     }
 
-    /// Asks the service to finish its work and end: closes the pipe that it listens to.
+    /// Asks the service to finish its work and exit, by closing its standard input.
     pub(crate) fn ask_to_stop(&mut self) {
         match &mut self.state {
             State::Running(process) => process.ask_to_stop(),
-            State::Waiting { how, .. } => self.state = State::Ended(Some(std::mem::take(how))),
+            State::WaitingToRestart { exit, .. } => self.state = State::Ended(Some(std::mem::take(exit))),
             State::Ended(_) => {}
         }
     }
 
-    /// Whether it has ended, after [`Self::ask_to_stop`]; how, if not well.
-    pub(crate) fn has_ended(&mut self) -> io::Result<Option<Option<String>>> {
+    /// Returns `None` while the service still runs after [`Self::ask_to_stop`]. Once it has ended, returns how it
+    /// failed, or `Some(None)` if it succeeded.
+    pub(crate) fn poll_stopped(&mut self) -> io::Result<Option<Option<String>>> {
         if let State::Running(process) = &mut self.state {
             let Some(status) = process.try_wait()? else { return Ok(None) };
             self.state = State::Ended((!status.success()).then(|| describe(status)));
         }
         match &self.state {
-            State::Ended(how) => Ok(Some(how.clone())),
-            State::Running(_) | State::Waiting { .. } => Ok(None),
+            State::Ended(exit) => Ok(Some(exit.clone())),
+            State::Running(_) | State::WaitingToRestart { .. } => Ok(None),
         }
     }
 
-    /// Ends it at once.
+    /// Kills the service, and waits until it is gone.
     pub(crate) fn kill(&mut self) {
         if let State::Running(process) = &mut self.state {
             process.kill();
@@ -147,15 +137,15 @@ fn describe(status: ExitStatus) -> String {
 mod tests {
     use super::*;
 
-    /// Starts `sh`, which takes the name and all further arguments as parameters of a script.
+    /// Launches `sh` with a script, which gets the name of the service and all further arguments as its parameters.
     fn launch(script: &str) -> Launch {
-        let before = vec!["-c".to_owned(), script.to_owned(), "sh".to_owned()];
-        Launch { program: "/bin/sh".into(), before, behind: Vec::new(), is_relayed: false }
+        let global_arguments = vec!["-c".to_owned(), script.to_owned(), "sh".to_owned()];
+        Launch { program: "/bin/sh".into(), global_arguments, service_arguments: Vec::new(), relays_log: false }
     }
 
-    fn wait_for(service: &mut Service, launch: &Launch, now_ns: u64) -> Event {
+    fn wait_for_event(service: &mut Service, launch: &Launch, now_ns: u64) -> ServiceEvent {
         loop {
-            if let Some(event) = service.tend(launch, now_ns).unwrap() {
+            if let Some(event) = service.poll(launch, now_ns).unwrap() {
                 return event;
             }
             std::thread::sleep(std::time::Duration::from_millis(5));
@@ -163,51 +153,53 @@ mod tests {
     }
 
     #[test]
-    fn a_service_that_dies_is_started_again_with_growing_waits() {
+    fn a_service_that_dies_is_restarted_after_growing_delays() {
         let launch = launch("exit 1");
         let mut service = Service::start("phase", &launch, 0).unwrap();
         let mut now_ns = 0;
-        let waits: Vec<u64> = (0..8)
+        let delays_ms: Vec<u64> = (0..8)
             .map(|_| {
-                let Event::Died { wait_ns, how } = wait_for(&mut service, &launch, now_ns) else { panic!() };
-                assert_eq!(how, "exit code 1");
-                assert_eq!(service.tend(&launch, now_ns + wait_ns - 1).unwrap(), None);
-                now_ns += wait_ns;
-                assert_eq!(service.tend(&launch, now_ns).unwrap(), Some(Event::Restarted));
-                wait_ns / 1_000_000
+                let event = wait_for_event(&mut service, &launch, now_ns);
+                let ServiceEvent::Died { delay_ns, exit } = event else { panic!() };
+                assert_eq!(exit, "exit code 1");
+                assert_eq!(service.poll(&launch, now_ns + delay_ns - 1).unwrap(), None);
+                now_ns += delay_ns;
+                assert_eq!(service.poll(&launch, now_ns).unwrap(), Some(ServiceEvent::Restarted));
+                delay_ns / 1_000_000
             })
             .collect();
-        assert_eq!(waits, [100, 200, 400, 800, 1600, 3200, 5000, 5000]);
+        assert_eq!(delays_ms, [100, 200, 400, 800, 1600, 3200, 5000, 5000]);
         assert_eq!(service.restarts, 8);
     }
 
     #[test]
-    fn wrong_usage_is_hopeless() {
+    fn a_service_that_exits_with_code_2_is_not_restarted() {
         let launch = launch("exit 2");
         let mut service = Service::start("phase", &launch, 0).unwrap();
-        assert_eq!(wait_for(&mut service, &launch, 0), Event::Hopeless { how: "exit code 2".to_owned() });
-        assert_eq!(service.tend(&launch, u64::MAX).unwrap(), None);
+        let event = wait_for_event(&mut service, &launch, 0);
+        assert_eq!(event, ServiceEvent::CannotRun { exit: "exit code 2".to_owned() });
+        assert_eq!(service.poll(&launch, u64::MAX).unwrap(), None);
     }
 
     #[test]
-    fn a_service_that_is_dead_when_it_is_to_stop_did_not_end_well() {
+    fn a_service_that_is_dead_at_the_stop_counts_as_failed() {
         let launch = launch("exit 1");
         let mut service = Service::start("phase", &launch, 0).unwrap();
-        wait_for(&mut service, &launch, 0);
+        wait_for_event(&mut service, &launch, 0);
         service.ask_to_stop();
-        assert_eq!(service.has_ended().unwrap(), Some(Some("exit code 1".to_owned())));
-        assert_eq!(service.tend(&launch, u64::MAX).unwrap(), None);
+        assert_eq!(service.poll_stopped().unwrap(), Some(Some("exit code 1".to_owned())));
+        assert_eq!(service.poll(&launch, u64::MAX).unwrap(), None);
     }
 
     #[test]
-    fn a_service_hears_that_it_is_to_stop() {
+    fn closing_the_standard_input_stops_a_service() {
         let launch = launch("read line; exit 0");
         let mut service = Service::start("phase", &launch, 0).unwrap();
-        assert_eq!(service.has_ended().unwrap(), None);
+        assert_eq!(service.poll_stopped().unwrap(), None);
         service.ask_to_stop();
         loop {
-            if let Some(ended) = service.has_ended().unwrap() {
-                assert_eq!(ended, None);
+            if let Some(failure) = service.poll_stopped().unwrap() {
+                assert_eq!(failure, None);
                 break;
             }
             std::thread::sleep(std::time::Duration::from_millis(5));

@@ -1,4 +1,4 @@
-//! Answers to `control`: what is asked changes the state, and the services follow the state.
+//! Answers control requests. A request changes the state of the scan, and the services follow the state.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -6,42 +6,44 @@ use std::time::SystemTime;
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_message::{Command, ControlRequest, ControlResponse, ScanState, Text};
 
-use crate::named_by_time;
+use crate::timestamped_path;
 
-/// The state of an instance, and whether it is to end.
+/// State of an instance, as control requests change it.
 #[derive(Debug)]
 pub(crate) struct Control {
     pub(crate) state: ScanState,
-    pub(crate) is_to_end: bool,
-    /// Folder and beginning of the names of recordings that are given no path.
+    /// Whether the instance should end.
+    pub(crate) should_quit: bool,
+    /// Folder of the recordings that are given no path.
     folder: PathBuf,
+    /// Name of the instance.
     name: String,
 }
 
 impl Control {
     pub(crate) fn new(configuration: &ScannerConfiguration) -> Self {
         let folder = configuration.recorder.folder.clone();
-        Self { state: ScanState::default(), is_to_end: false, folder, name: configuration.name.clone() }
+        Self { state: ScanState::default(), should_quit: false, folder, name: configuration.name.clone() }
     }
 
-    /// Carries out a request, and says what was done or why not.
+    /// Executes a request. The response has the new state, and a text for the user: what was done, or why not.
     pub(crate) fn answer(&mut self, request: &ControlRequest) -> ControlResponse {
         let text = request.text.to_text();
-        let done = match Command::from_code(request.command) {
-            Some(command) => self.carry_out(command, &text),
+        let result = match Command::from_code(request.command) {
+            Some(command) => self.execute(command, &text),
             None => Err(format!("command {} does not exist; use 0 to 6", request.command)),
         };
-        let (refused, said) = done.map_or_else(|why| (1, why), |done| (0, done));
-        ControlResponse { refused, reserved: 0, state: self.state, text: Text::new(&said) }
+        let (refused, text) = result.map_or_else(|reason| (1, reason), |done| (0, done));
+        ControlResponse { refused, reserved: 0, state: self.state, text: Text::new(&text) }
     }
 
-    /// What was done, or why not.
-    fn carry_out(&mut self, command: Command, text: &str) -> Result<String, String> {
+    /// Executes a command. Returns what was done, or why it was refused.
+    fn execute(&mut self, command: Command, text: &str) -> Result<String, String> {
         let done = match command {
             Command::State => return Ok(String::new()),
-            Command::Start => self.scan(1, "scan started", "the scan was running already"),
-            Command::Stop => self.scan(0, "scan stopped", "the scan was stopped already"),
-            Command::RecordStart => self.record(text).map(|()| "recording started".to_owned())?,
+            Command::Start => self.set_scanning(1, "scan started", "the scan is already running"),
+            Command::Stop => self.set_scanning(0, "scan stopped", "the scan is already stopped"),
+            Command::RecordStart => self.start_recording(text).map(|()| "recording started".to_owned())?,
             Command::RecordStop => self.end_recording()?,
             Command::Mark => self.mark(text)?,
             Command::Quit => self.quit(),
@@ -50,31 +52,31 @@ impl Control {
         Ok(done)
     }
 
-    fn scan(&mut self, scanning: u32, done: &str, already: &str) -> String {
+    fn set_scanning(&mut self, scanning: u32, done: &str, already: &str) -> String {
         let was = std::mem::replace(&mut self.state.scanning, scanning);
         if was == scanning { already.to_owned() } else { done.to_owned() }
     }
 
     fn quit(&mut self) -> String {
-        self.is_to_end = true;
-        let recording = if self.state.recording != 0 { "recording and services end" } else { "services end" };
-        format!("quits: {recording} in the order of the pipeline")
+        self.should_quit = true;
+        let ending = if self.state.recording != 0 { "the recording and the services end" } else { "the services end" };
+        format!("quitting: {ending} in pipeline order")
     }
 
-    /// Begins scanning.
-    pub(crate) fn start(&mut self) {
+    /// Starts the scan.
+    pub(crate) fn start_scan(&mut self) {
         self.state.scanning = 1;
         self.state.revision += 1;
     }
 
-    /// Begins a recording; an empty text asks for a name made of the time.
-    pub(crate) fn record(&mut self, text: &str) -> Result<(), String> {
+    /// Starts a recording to the file `text`. If it is empty, the file gets a default name, made from the time.
+    pub(crate) fn start_recording(&mut self, text: &str) -> Result<(), String> {
         if self.state.recording != 0 {
-            return Err(format!("a recording is running already: {}", self.state.recording_file.to_text()));
+            return Err(format!("a recording is already running: {}", self.state.recording_file.to_text()));
         }
-        let file = if text.is_empty() { self.named_by_time()? } else { PathBuf::from(text) };
+        let file = if text.is_empty() { self.default_file()? } else { PathBuf::from(text) };
         let file = std::path::absolute(&file).map_err(|e| format!("{}: {e}", file.display()))?;
-        check_new(&file)?;
+        check_new_file(&file)?;
         let name = file.to_str().filter(|name| Text::fits(name));
         let name = name.ok_or_else(|| format!("{}: the path is too long or not UTF-8", file.display()))?;
         self.state.recording_file = Text::new(name);
@@ -84,9 +86,9 @@ impl Control {
         Ok(())
     }
 
-    fn named_by_time(&self) -> Result<PathBuf, String> {
+    fn default_file(&self) -> Result<PathBuf, String> {
         std::fs::create_dir_all(&self.folder).map_err(|e| format!("{}: {e}", self.folder.display()))?;
-        Ok(named_by_time(&self.folder, &self.name, SystemTime::now(), "mcap"))
+        Ok(timestamped_path(&self.folder, &self.name, SystemTime::now(), "mcap"))
     }
 
     fn end_recording(&mut self) -> Result<String, String> {
@@ -106,16 +108,17 @@ impl Control {
     }
 }
 
-fn check_new(file: &Path) -> Result<(), String> {
+/// Checks that a file does not exist, and that its folder does.
+fn check_new_file(file: &Path) -> Result<(), String> {
     if file.exists() {
         return Err(format!(
-            "{} exists already; give another name, because recordings are never overwritten",
+            "{} already exists; give another name, because recordings are never overwritten",
             file.display()
         ));
     }
     match file.parent() {
         Some(folder) if folder.is_dir() => Ok(()),
-        _ => Err(format!("{}: its folder does not exist; create it first", file.display())),
+        _ => Err(format!("{}: the folder does not exist; create it first", file.display())),
     }
 }
 
@@ -125,7 +128,7 @@ mod tests {
 
     fn control(folder: &Path) -> Control {
         let folder = folder.to_owned();
-        Control { state: ScanState::default(), is_to_end: false, folder, name: "test".to_owned() }
+        Control { state: ScanState::default(), should_quit: false, folder, name: "test".to_owned() }
     }
 
     fn ask(control: &mut Control, command: Command, text: &str) -> (u32, String) {
@@ -142,38 +145,38 @@ mod tests {
         assert_eq!(control.state.revision, 0);
         assert_eq!(ask(&mut control, Command::Start, ""), (0, "scan started".to_owned()));
         assert_eq!((control.state.scanning, control.state.revision), (1, 1));
-        assert_eq!(ask(&mut control, Command::Start, ""), (0, "the scan was running already".to_owned()));
+        assert_eq!(ask(&mut control, Command::Start, ""), (0, "the scan is already running".to_owned()));
         assert_eq!(ask(&mut control, Command::Stop, ""), (0, "scan stopped".to_owned()));
         assert_eq!((control.state.scanning, control.state.revision), (0, 3));
-        assert!(!control.is_to_end);
+        assert!(!control.should_quit);
         let (refused, done) = ask(&mut control, Command::Quit, "");
-        assert!(control.is_to_end && refused == 0 && done.starts_with("quits: services end"), "{done}");
-        let (refused, why) = {
+        assert!(control.should_quit && refused == 0 && done.starts_with("quitting: the services end"), "{done}");
+        let (refused, reason) = {
             let response = control.answer(&ControlRequest { command: 99, ..ControlRequest::default() });
             (response.refused, response.text.to_text())
         };
-        assert!(refused == 1 && why.contains("99"), "{why}");
+        assert!(refused == 1 && reason.contains("99"), "{reason}");
     }
 
     #[test]
-    fn recordings_get_a_name_and_never_overwrite() {
+    fn recordings_get_a_default_name_and_never_overwrite_a_file() {
         let folder = tempfile::tempdir().unwrap();
         let mut control = control(folder.path());
         assert_eq!(ask(&mut control, Command::Mark, "here").0, 1);
         assert_eq!(ask(&mut control, Command::RecordStart, "").0, 0);
         let file = control.state.recording_file.to_text();
         assert!(file.starts_with(folder.path().to_str().unwrap()) && file.ends_with("Z.mcap"), "{file}");
-        assert!(ask(&mut control, Command::RecordStart, "").1.contains("running already"));
+        assert!(ask(&mut control, Command::RecordStart, "").1.contains("already running"));
         assert_eq!(ask(&mut control, Command::Mark, "here"), (0, "mark 1 set".to_owned()));
         assert_eq!((control.state.marks, control.state.mark.to_text().as_str()), (1, "here"));
         assert_eq!(ask(&mut control, Command::RecordStop, ""), (0, "recording ended".to_owned()));
         assert_eq!(ask(&mut control, Command::RecordStop, "").0, 1);
         let taken = folder.path().join("taken.mcap");
         std::fs::write(&taken, "").unwrap();
-        let (refused, why) = ask(&mut control, Command::RecordStart, taken.to_str().unwrap());
-        assert!(refused == 1 && why.contains("exists already"), "{why}");
-        let (_, why) = ask(&mut control, Command::RecordStart, "/nowhere/at/all.mcap");
-        assert!(why.contains("does not exist"), "{why}");
+        let (refused, reason) = ask(&mut control, Command::RecordStart, taken.to_str().unwrap());
+        assert!(refused == 1 && reason.contains("already exists"), "{reason}");
+        let (_, reason) = ask(&mut control, Command::RecordStart, "/nowhere/at/all.mcap");
+        assert!(reason.contains("does not exist"), "{reason}");
         assert_eq!((control.state.recording, control.state.recordings), (0, 1));
     }
 }

@@ -1,4 +1,4 @@
-//! What the operator sees while an instance runs: a line a stage in a terminal, a log line now and then elsewhere.
+//! Shows a running instance to the operator: one line per stage in a terminal, else a log line every ten seconds.
 
 use std::io::{IsTerminal, Write, stderr};
 
@@ -6,79 +6,82 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use fringeflow_message::{DropReason, ScanState, Stage};
 use fringeflow_runtime::Preparation;
-use fringeflow_runtime::log::{self, Diversion};
+use fringeflow_runtime::log::{self, Redirection};
 use fringeflow_telemetry::{StageTally, Tally};
 use fringeflow_transport::Instance;
 
 /// Time between two log lines, nanoseconds.
-const LOG_NS: u64 = 10_000_000_000;
+const LOG_INTERVAL_NS: u64 = 10_000_000_000;
 
-/// Shows how the stages fare.
+/// Shows the state of the stages.
 #[derive(Debug)]
 pub(crate) struct Display {
-    /// Lines of a terminal; `None` where nobody watches.
+    /// Lines in the terminal; `None` if standard error is not a terminal.
     lines: Option<MultiProgress>,
-    head: ProgressBar,
+    headline: ProgressBar,
+    /// One line per stage, in pipeline order.
     stages: Vec<(Stage, ProgressBar)>,
     logged_ns: u64,
-    /// Whether exposures are of now, so that latencies count from them.
+    /// Whether the images are exposed live. Latencies since the exposure mean nothing in a replay.
     is_live: bool,
-    /// Log lines go above those of the terminal, not into them.
-    _diversion: Option<Diversion>,
+    /// Keeps log lines above the lines in the terminal.
+    _diversion: Option<Redirection>,
 }
 
 impl Display {
     pub(crate) fn new(is_live: bool) -> Self {
         let lines = stderr().is_terminal().then(MultiProgress::new);
-        let head = line(lines.as_ref());
+        let headline = new_line(lines.as_ref());
         let diversion = lines.as_ref().map(|lines| {
             let lines = lines.clone();
-            log::divert(move |line| lines.suspend(|| stderr().write_all(line)))
+            log::redirect(move |line| lines.suspend(|| stderr().write_all(line)))
         });
-        Self { lines, head, stages: Vec::new(), logged_ns: 0, is_live, _diversion: diversion }
+        Self { lines, headline, stages: Vec::new(), logged_ns: 0, is_live, _diversion: diversion }
     }
 
-    /// Whether somebody watches in a terminal.
+    /// Returns whether the lines are drawn in a terminal.
     pub(crate) fn is_terminal(&self) -> bool {
         self.lines.is_some()
     }
 
-    /// Shows the present; `waiting` says what the scan waits for.
+    /// Updates the lines, or logs a line if it is time. `waiting` says what the scan waits for.
     pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: Option<&str>, now_ns: u64) {
         if self.lines.is_some() {
-            self.head.set_message(headline(state, waiting));
-            for (stage, of_stage) in tally.stages() {
-                self.line_of(stage).set_message(stage_line(stage, of_stage, now_ns));
+            self.headline.set_message(headline(state, waiting));
+            for (stage, stage_tally) in tally.stages() {
+                self.line_for(stage).set_message(stage_line(stage, stage_tally, now_ns));
             }
-        } else if now_ns.saturating_sub(self.logged_ns) >= LOG_NS {
+        } else if now_ns.saturating_sub(self.logged_ns) >= LOG_INTERVAL_NS {
             self.logged_ns = now_ns;
-            let line = || log_line(tally, state, self.is_live, now_ns);
-            tracing::info!("{}", waiting.map_or_else(line, str::to_owned));
+            let scan_line = || log_line(tally, state, self.is_live, now_ns);
+            tracing::info!("{}", waiting.map_or_else(scan_line, str::to_owned));
         }
     }
 
-    /// Leaves the last lines as they are.
+    /// Leaves the last lines on the terminal.
     pub(crate) fn finish(&self) {
-        self.head.abandon();
+        self.headline.abandon();
         self.stages.iter().for_each(|(_, line)| line.abandon());
     }
 
-    fn line_of(&mut self, stage: Stage) -> &ProgressBar {
-        let at = self.stages.partition_point(|(other, _)| *other < stage);
-        if self.stages.get(at).is_none_or(|(other, _)| *other != stage) {
-            let line = line(None);
+    /// Returns the line of a stage. Adds it when the stage first reports.
+    fn line_for(&mut self, stage: Stage) -> &ProgressBar {
+        let index = self.stages.partition_point(|(other, _)| *other < stage);
+        if self.stages.get(index).is_none_or(|(other, _)| *other != stage) {
+            let line = new_line(None);
             let line = match &self.lines {
-                Some(lines) => lines.insert(at + 1, line),
+                // The headline is line 0.
+                Some(lines) => lines.insert(index + 1, line),
                 None => line,
             };
             line.set_style(style());
-            self.stages.insert(at, (stage, line));
+            self.stages.insert(index, (stage, line));
         }
-        &self.stages[at].1
+        &self.stages[index].1
     }
 }
 
-fn line(lines: Option<&MultiProgress>) -> ProgressBar {
+fn new_line(lines: Option<&MultiProgress>) -> ProgressBar {
     let line = ProgressBar::new_spinner().with_style(style());
     match lines {
         Some(lines) => lines.add(line),
@@ -90,7 +93,7 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-/// One line about the instance: what it waits for, or whether it scans and records.
+/// Returns one line about the instance: what it waits for, or whether it scans and records.
 #[must_use]
 pub fn headline(state: &ScanState, waiting: Option<&str>) -> String {
     match waiting {
@@ -100,9 +103,10 @@ pub fn headline(state: &ScanState, waiting: Option<&str>) -> String {
     }
 }
 
-/// What an instance waits for, as far as another process can tell: a preparation, or the start of its services.
+/// Returns what an instance that has not scanned yet waits for: a preparation, or the start of its services. Works from
+/// any process.
 #[must_use]
-pub fn waiting_from_outside(instance: &Instance, state: &ScanState) -> Option<String> {
+pub fn read_startup_status(instance: &Instance, state: &ScanState) -> Option<String> {
     let preparation = Preparation::read(instance).map(|preparation| preparation.to_string());
     preparation.or_else(|| (state.revision == 0).then(|| "starting".to_owned()))
 }
@@ -111,45 +115,45 @@ fn scanning(state: &ScanState) -> &'static str {
     if state.scanning != 0 { "scanning" } else { "stopped" }
 }
 
-/// One line for the log: clouds a second, latency, drops by reason, silent stages.
+/// Returns one line for the log: clouds per second, latency, drops by reason, silent stages.
 fn log_line(tally: &Tally, state: &ScanState, is_live: bool, now_ns: u64) -> String {
     let recording = if state.recording != 0 { ", recording" } else { "" };
     let clouds_hz = tally.stage(Stage::Cloud).map_or(0.0, |cloud| cloud.rate_hz);
     let latency = tally.total().brief().filter(|_| is_live);
     let latency = latency.map_or_else(String::new, |l| format!(", latency p50 {:.0} ms", l.p50_ms));
-    let dropped = listed(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
-    let silent = tally.stages().filter(|(_, of_stage)| of_stage.is_silent(now_ns));
-    let silent = listed(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
+    let dropped = join(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
+    let silent = tally.stages().filter(|(_, stage_tally)| stage_tally.is_silent(now_ns));
+    let silent = join(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
     format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state))
 }
 
-/// Items that all stages dropped, by reason. Those that the configuration asks for are left out.
+/// Returns how many items all stages dropped, by reason. Leaves out drops that the configuration asks for.
 fn drops(tally: &Tally) -> impl Iterator<Item = (DropReason, u64)> + '_ {
     const PLANNED: [DropReason; 4] =
         [DropReason::BetweenWindows, DropReason::Beginning, DropReason::NotRecording, DropReason::Thinned];
     let reasons = DropReason::ALL.into_iter().filter(|reason| !PLANNED.contains(reason));
-    let count = |reason| tally.stages().map(|(_, of_stage)| of_stage.counts.dropped(reason)).sum();
+    let count = |reason| tally.stages().map(|(_, stage_tally)| stage_tally.counts.dropped(reason)).sum();
     reasons.map(move |reason| (reason, count(reason))).filter(|&(_, count)| count > 0)
 }
 
-/// One line about a stage: rate, median latency, items put out, drops by reason, incidents, skew, restarts.
+/// Returns one line about a stage: rate, median latency, items passed on, drops by reason, incidents, skew, restarts.
 #[must_use]
 pub fn stage_line(stage: Stage, tally: &StageTally, now_ns: u64) -> String {
     let latency = tally.latencies.brief().map_or_else(String::new, |l| format!("{:8.1} ms", l.p50_ms));
     let silent = if tally.is_silent(now_ns) { "  silent" } else { "" };
-    let drops = listed("dropped: ", tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())));
+    let drops = join("dropped: ", tally.counts.reasons().map(|(reason, n)| format!("{} {n}", reason.name())));
     let incidents =
-        listed("  survived: ", tally.counts.incidents().map(|(incident, n)| format!("{} {n}", incident.name())));
+        join("  survived: ", tally.counts.incidents().map(|(incident, n)| format!("{} {n}", incident.name())));
     let skew = tally.skew.mean_ns().map_or_else(String::new, |ns| format!("  skew {:.3} ms", ns * 1e-6));
     let restarts = if tally.restarts > 0 { format!("  restarts {}", tally.restarts) } else { String::new() };
     let (name, rate_hz, passed) = (stage.name(), tally.rate_hz, tally.counts.passed);
     format!("{name:<15}{rate_hz:7.1}/s{latency:>12}  out {passed:<9}{drops}{incidents}{skew}{restarts}{silent}")
 }
 
-/// The words after what they are; nothing where there are none.
-fn listed(what: &str, words: impl Iterator<Item = String>) -> String {
+/// Returns `label` and the words, separated by commas. Returns an empty string if there are no words.
+fn join(label: &str, words: impl Iterator<Item = String>) -> String {
     let words: Vec<String> = words.collect();
-    if words.is_empty() { String::new() } else { format!("{what}{}", words.join(", ")) }
+    if words.is_empty() { String::new() } else { format!("{label}{}", words.join(", ")) }
 }
 
 #[cfg(test)]
@@ -158,7 +162,7 @@ mod tests {
     use fringeflow_message::StageReport;
 
     #[test]
-    fn the_log_line_tells_what_matters_and_no_zeros() {
+    fn the_log_line_shows_losses_and_silent_stages_but_no_zeros() {
         let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
         assert_eq!(log_line(&tally, &state, true, 0), "scanning: 0.0 clouds/s");
         let ms = 1_000_000;

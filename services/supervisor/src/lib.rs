@@ -1,4 +1,4 @@
-//! Starts, watches and stops the services of an instance, answers `control`, and draws the balance at the end.
+//! Starts, watches and stops the services of an instance, answers control requests, and checks the counts at the end.
 
 mod balance;
 mod child;
@@ -14,8 +14,8 @@ mod source;
 mod supervisor;
 
 pub use balance::{Balance, Imbalance};
-pub use display::{headline, stage_line, waiting_from_outside};
-pub use naming::named_by_time;
+pub use display::{headline, read_startup_status, stage_line};
+pub use naming::timestamped_path;
 pub use observer::{Observed, observe};
 pub use plan::{Outcome, Plan, RunError};
 pub use source::{Progress, Source, SourceError};

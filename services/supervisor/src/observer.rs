@@ -1,4 +1,4 @@
-//! An instance seen from outside: its reports, gathered for a while.
+//! Observes an instance from another process, by its reports.
 
 use std::time::Duration;
 
@@ -9,25 +9,25 @@ use fringeflow_transport::{
     ChannelSizes, Instance, Node, REPORT_STAGE, REPORT_WINDOW, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
 
-/// What was seen of an instance.
+/// State of an instance over a span of time.
 #[derive(Debug)]
 pub struct Observed {
     /// Counts and latencies of the stages.
     pub tally: Tally,
-    /// Figures of the last window; `None` where none came meanwhile.
+    /// Figures of the last window; `None` if no window was reported in the span.
     pub window: Option<WindowFigures>,
-    /// How the tracking fares, if there is any.
+    /// State of the tracking; `None` without tracking.
     pub tracking: Option<TrackingFigures>,
 }
 
-/// Gathers the reports of a running instance for `span_ns`: half a second brings a sign of life of every stage. One that
-/// gives none appears with the counts of its account, as silent.
+/// Collects the reports of a running instance for `span_ns`, nanoseconds. Every live stage reports about twice a second
+/// or more often. A stage that does not report appears as silent, with the counts of its account.
 ///
 /// # Errors
 /// The instance cannot be joined.
 pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportError> {
     let node = Node::open(instance, "observer")?;
-    // Reports have one size, whatever that of the images.
+    // The default sizes will do: the size of a report does not depend on the setup.
     let mut reports = Subscriber::open(&node, REPORT_STAGE, &ChannelSizes::default())?;
     let mut windows = Subscriber::open(&node, REPORT_WINDOW, &ChannelSizes::default())?;
     let mut poses = Subscriber::open(&node, TRACKING_POSE, &ChannelSizes::default())?;
@@ -43,19 +43,20 @@ pub fn observe(instance: &Instance, span_ns: u64) -> Result<Observed, TransportE
         while let Some(report) = poses.receive()? {
             watch.add(&report);
         }
-        let rest_ns = end_ns.saturating_sub(clock::now_ns());
-        if rest_ns == 0 {
+        let remaining_ns = end_ns.saturating_sub(clock::now_ns());
+        if remaining_ns == 0 {
             break;
         }
-        wait_for(&[&reports, &windows], Duration::from_nanos(rest_ns))?;
+        wait_for(&[&reports, &windows, &poses], Duration::from_nanos(remaining_ns))?;
     }
+    // A report without times makes a stage silent.
     let accounts = accounts_folder(instance);
     for stage in Stage::ALL.into_iter().filter(|&stage| tally.stage(stage).is_none()).collect::<Vec<_>>() {
-        if let Some(counts) = Account::read(&accounts, stage) {
+        if let Some(counts) = Account::read_counts(&accounts, stage) {
             tally.add(&StageReport { stage: stage as u32, counts, ..StageReport::default() });
         }
     }
-    let counts = tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
+    let counts = tally.stage(Stage::Tracking).map(|stage_tally| stage_tally.counts).unwrap_or_default();
     let tracking = watch.figures(&counts, clock::now_ns());
     Ok(Observed { tally, window, tracking })
 }

@@ -1,4 +1,4 @@
-//! What is to run, what came of it, and why it could not.
+//! The input and the outcome of a run, and its errors.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,87 +12,88 @@ use fringeflow_transport::TransportError;
 
 use crate::{Balance, SourceError};
 
-/// What is to run.
+/// How an instance is run.
 #[derive(Debug)]
 pub struct Plan {
     /// Configuration of the instance.
     pub configuration: ScannerConfiguration,
     /// Rig, pattern and volume.
     pub setup: Setup,
-    /// Services in the order of the pipeline.
+    /// Services, in pipeline order.
     pub services: Vec<ServiceKind>,
-    /// The `fringeflow` command.
+    /// The `fringeflow` executable.
     pub program: PathBuf,
-    /// Its arguments before `service`.
-    pub before: Vec<String>,
-    /// Arguments of every service.
-    pub arguments: Vec<String>,
-    /// How long to scan, once all services are ready; without end if `None`.
+    /// Arguments before `service NAME`.
+    pub global_arguments: Vec<String>,
+    /// Arguments of every service, after its name.
+    pub service_arguments: Vec<String>,
+    /// How long to scan, from the time all services are ready; `None` scans until the instance is stopped.
     pub duration_ns: Option<u64>,
-    /// Whether a recording is wanted from the start, and its file; an empty one is named by the time.
+    /// File of the recording that starts with the scan. If it is empty, the file gets a default name. `None` does not
+    /// record.
     pub recording: Option<String>,
-    /// Where a trace of all items goes, if one is wanted.
+    /// File for the trace of all items; `None` writes no trace.
     pub trace: Option<PathBuf>,
 }
 
-/// Why an instance could not be run.
+/// Why a run failed.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The channels.
+    /// A channel failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// An account.
+    /// An account cannot be read or written.
     #[error(transparent)]
     Account(#[from] AccountError),
-    /// A service cannot be started or watched.
+    /// The process of a service cannot be started or watched.
     #[error("service {service}: {source}")]
     Service {
-        /// Its name.
+        /// Name of the service.
         service: &'static str,
-        /// What the system said.
+        /// The system error.
         #[source]
         source: io::Error,
     },
-    /// Something of the system.
+    /// A system call failed.
     #[error("{what}: {source}")]
     System {
-        /// What was tried.
+        /// What failed, as a sentence.
         what: &'static str,
-        /// What the system said.
+        /// The system error.
         #[source]
         source: io::Error,
     },
-    /// The recording cannot be begun.
+    /// The recording cannot be started.
     #[error("recording: {0}")]
     Recording(String),
-    /// What stands in the place of the cameras.
+    /// The source that replaces cameras and projector failed.
     #[error("{0}")]
     Source(SourceError),
-    /// A service found that it cannot run as configured; it has said why.
-    #[error("service {service} cannot run ({how}); see its message above")]
-    Hopeless {
-        /// Its name.
+    /// A service cannot run with its arguments, configuration or environment. It has logged why.
+    #[error("service {service} cannot run ({exit}); see its message above")]
+    CannotRun {
+        /// Name of the service.
         service: &'static str,
-        /// How it ended.
-        how: String,
+        /// How it ended: `exit code 2`.
+        exit: String,
     },
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Accounts of all stages.
+    /// Final counts of all stages.
     pub balance: Balance,
     /// Reports of all stages.
     pub run: RunReport,
-    /// This machine, and its clocks when the run began.
+    /// This machine, and its clocks at the start of the run.
     pub origin: Origin,
-    /// Services that did not end well at the stop, and how.
-    pub ended_badly: Vec<(&'static str, String)>,
-    /// Restarts of all services.
+    /// Services that failed at the end of the run, and how.
+    pub failed_services: Vec<(&'static str, String)>,
+    /// Number of restarts, of all services together.
     pub restarts: u32,
-    /// The last recording.
+    /// File of the last recording.
     pub recording: Option<PathBuf>,
-    /// The trace, if one was wanted and could be written.
+    /// File of the trace; `None` if no trace was requested, or it could not be written.
     pub trace: Option<PathBuf>,
 }

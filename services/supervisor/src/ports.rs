@@ -1,4 +1,4 @@
-//! What the supervisor says and hears: the state goes out, reports and requests come in.
+//! The channels of the supervisor. In: reports and control requests. Out: responses and the state of the scan.
 
 use std::path::Path;
 use std::time::Duration;
@@ -13,16 +13,17 @@ use fringeflow_transport::{
 use crate::control::Control;
 use crate::reports::Reports;
 
-/// Ports of the supervisor.
+/// The ports of the supervisor.
 pub(crate) struct Ports {
     kept: KeptChannels,
     state: Publisher<(), ScanState>,
     reports: Subscriber<(), StageReport>,
     windows: Subscriber<(), WindowReport>,
-    /// Number of the report of a window that comes next.
+    /// Number of the next window report.
     next_window: u64,
     control: ControlServer,
-    sent: Option<u64>,
+    /// Revision of the last published state.
+    published_revision: Option<u64>,
 }
 
 impl Ports {
@@ -34,12 +35,12 @@ impl Ports {
             windows: Subscriber::open(node, REPORT_WINDOW, sizes)?,
             next_window: 0,
             control: ControlServer::open(node)?,
-            sent: None,
+            published_revision: None,
         })
     }
 
-    /// Takes what the services have reported.
-    pub(crate) fn drain(&mut self, reports: &mut Reports) {
+    /// Receives all waiting reports.
+    pub(crate) fn receive_reports(&mut self, reports: &mut Reports) {
         while let Some(report) = receive(&mut self.windows) {
             reports.run.add_window(&report);
             self.next_window = report.published + 1;
@@ -49,33 +50,35 @@ impl Ports {
         }
     }
 
-    /// Answers what is asked, and publishes the state that each answer tells: who follows it misses no mark.
-    pub(crate) fn answer(&mut self, control: &mut Control) {
-        let Self { control: server, state, sent, .. } = self;
-        let answered = server.answer(|request| {
+    /// Answers all waiting requests. Publishes the state after each of them, so that subscribers see every mark.
+    pub(crate) fn answer_requests(&mut self, control: &mut Control) {
+        let Self { control: server, state, published_revision, .. } = self;
+        let result = server.answer(|request| {
             let response = control.answer(request);
-            publish(state, sent, &control.state);
+            publish(state, published_revision, &control.state);
             response
         });
-        if let Err(error) = answered {
+        if let Err(error) = result {
             tracing::warn!("{error}");
         }
     }
 
     /// Publishes the state if it has changed.
     pub(crate) fn publish_state(&mut self, state: &ScanState) {
-        publish(&mut self.state, &mut self.sent, state);
+        publish(&mut self.state, &mut self.published_revision, state);
     }
 
-    pub(crate) fn wait(&self, rest: Duration) -> Result<(), TransportError> {
-        wait_for(&[&self.reports, &self.windows, &self.control], rest)
+    /// Waits for a report or a request, at most for `timeout`.
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<(), TransportError> {
+        wait_for(&[&self.reports, &self.windows, &self.control], timeout)
     }
 
+    /// Opens ports again that lost their connection.
     pub(crate) fn ensure_connected(&mut self, accounts: &Path, now_ns: u64) -> Result<(), TransportError> {
         self.kept.ensure_connected()?;
         if self.state.ensure_connected()? {
-            // Whoever comes now is to hear the state as well.
-            self.sent = None;
+            // Publish the state again: later subscribers get it only from the new port.
+            self.published_revision = None;
         }
         self.reports.ensure_connected(now_ns)?;
         ensure_connected(&mut self.windows, accounts, Stage::Correspondence, self.next_window, now_ns)?;
@@ -84,14 +87,14 @@ impl Ports {
     }
 }
 
-/// Publishes a state that was not yet; if that fails, the port is opened anew at the next look at the connections, and it is
-/// tried again.
-fn publish(states: &mut Publisher<(), ScanState>, sent: &mut Option<u64>, state: &ScanState) {
-    if *sent == Some(state.revision) {
+/// Publishes a state with a new revision. After a failure the next call tries again; meanwhile
+/// [`Ports::ensure_connected`] opens the port again.
+fn publish(port: &mut Publisher<(), ScanState>, published_revision: &mut Option<u64>, state: &ScanState) {
+    if *published_revision == Some(state.revision) {
         return;
     }
-    match states.send_message(state) {
-        Ok(()) => *sent = Some(state.revision),
+    match port.send_message(state) {
+        Ok(()) => *published_revision = Some(state.revision),
         Err(error) => tracing::warn!("{error}"),
     }
 }

@@ -1,82 +1,94 @@
-//! The process of a service: its standard input tells it when to end, its log may pass through this process.
+//! The process of a service. Closing its standard input asks it to stop. This process can relay its log.
 
 use std::io::{self, BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
 use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::thread::{self, JoinHandle};
 
 use fringeflow_runtime::log;
 
-use crate::child::Launch;
+/// Longer lines of a log are split, bytes.
+const MAX_LINE_BYTES: u64 = 1 << 16;
 
-/// Longest line of a log that is kept whole, bytes.
-const LINE_BYTES: u64 = 1 << 16;
+/// Command line of the services.
+#[derive(Clone, Debug)]
+pub(crate) struct Launch {
+    /// The `fringeflow` executable.
+    pub(crate) program: PathBuf,
+    /// Arguments before `service NAME`.
+    pub(crate) global_arguments: Vec<String>,
+    /// Arguments after `service NAME`.
+    pub(crate) service_arguments: Vec<String>,
+    /// Whether this process relays the logs of the services, because it draws on the same terminal.
+    pub(crate) relays_log: bool,
+}
 
 /// A running process.
 #[derive(Debug)]
 pub(crate) struct Process {
     child: Child,
-    /// Passes its log on, until it ends.
+    /// Thread that relays the log until the process ends.
     relay: Option<JoinHandle<()>>,
 }
 
 impl Process {
-    /// Starts the service of a name, for the `restarts`-th time after the first.
+    /// Starts the service `name`, after `restarts` earlier restarts in this instance.
     pub(crate) fn spawn(name: &str, launch: &Launch, restarts: u32) -> io::Result<Self> {
         let mut command = Command::new(&launch.program);
-        command.args(&launch.before).args(["service", name]).args(&launch.behind);
+        command.args(&launch.global_arguments).args(["service", name]).args(&launch.service_arguments);
         command.args(["--restarts", &restarts.to_string(), "--supervised"]);
-        // The pipe tells the service when its supervisor is gone. A Ctrl-C in the terminal goes to the supervisor alone, which
-        // stops the services in their order.
+        // The service stops when its standard input closes, even if the supervisor is killed. In a process group of its
+        // own it gets no Ctrl-C from the terminal: only the supervisor does, and stops the services in order.
         command.stdin(Stdio::piped()).stdout(Stdio::null()).process_group(0);
-        if launch.is_relayed {
+        if launch.relays_log {
             command.stderr(Stdio::piped());
         }
         let mut child = command.spawn()?;
-        let relay = child.stderr.take().map(|log| thread::spawn(move || relay(log)));
+        let relay = child.stderr.take().map(|log| thread::spawn(move || relay_log(log)));
         Ok(Self { child, relay })
     }
 
-    /// How it ended, if it has; then its last words were passed on.
+    /// Returns the exit status if the process has ended. By then its whole log has been relayed.
     pub(crate) fn try_wait(&mut self) -> io::Result<Option<ExitStatus>> {
         let status = self.child.try_wait()?;
         if status.is_some() {
-            self.hear_out();
+            self.join_relay();
         }
         Ok(status)
     }
 
-    /// Closes the pipe that it listens to.
+    /// Closes the standard input of the process, which asks it to stop.
     pub(crate) fn ask_to_stop(&mut self) {
         drop(self.child.stdin.take());
     }
 
-    /// Ends it at once.
+    /// Kills the process, and waits until it is gone.
     pub(crate) fn kill(&mut self) {
-        // It may have ended just now; either way it is gone after the wait.
+        // Errors are ignored: the process may already have ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
-        self.hear_out();
+        self.join_relay();
     }
 
-    /// Waits for the end of the log, which is that of the process: nobody else holds the pipe.
-    fn hear_out(&mut self) {
+    /// Waits until the log is fully relayed. It ends with the process, which alone holds the other end of the pipe.
+    fn join_relay(&mut self) {
         if let Some(relay) = self.relay.take() {
-            // It has nothing to tell beside what it passed on.
+            // The thread returns nothing.
             let _ = relay.join();
         }
     }
 }
 
-/// Passes lines on until there are no more.
-fn relay(log: ChildStderr) {
+/// Relays the lines of a log until it ends.
+fn relay_log(log: ChildStderr) {
     let mut log = BufReader::new(log);
     let mut line = Vec::new();
-    while matches!((&mut log).take(LINE_BYTES).read_until(b'\n', &mut line), Ok(1..)) {
+    while matches!((&mut log).take(MAX_LINE_BYTES).read_until(b'\n', &mut line), Ok(1..)) {
         if !line.ends_with(b"\n") {
             line.push(b'\n');
         }
-        log::pass_on(&line);
+        log::forward_line(&line);
         line.clear();
     }
 }
@@ -89,15 +101,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_words_of_a_process_are_passed_on_before_its_end_is_told() {
-        let said = Arc::new(Mutex::new(Vec::new()));
-        let taker = Arc::clone(&said);
-        let _diversion = log::divert(move |line| {
-            taker.lock().unwrap().push(String::from_utf8_lossy(line).into_owned());
+    fn the_whole_log_of_a_process_is_relayed_before_its_exit_is_reported() {
+        let relayed = Arc::new(Mutex::new(Vec::new()));
+        let lines = Arc::clone(&relayed);
+        let _diversion = log::redirect(move |line| {
+            lines.lock().unwrap().push(String::from_utf8_lossy(line).into_owned());
             Ok(())
         });
-        let before = vec!["-c".to_owned(), "echo first >&2; printf last >&2; exit 3".to_owned(), "sh".to_owned()];
-        let launch = Launch { program: "/bin/sh".into(), before, behind: Vec::new(), is_relayed: true };
+        let global_arguments =
+            vec!["-c".to_owned(), "echo first >&2; printf last >&2; exit 3".to_owned(), "sh".to_owned()];
+        let launch =
+            Launch { program: "/bin/sh".into(), global_arguments, service_arguments: Vec::new(), relays_log: true };
         let mut process = Process::spawn("phase", &launch, 0).unwrap();
         let status = loop {
             if let Some(status) = process.try_wait().unwrap() {
@@ -106,7 +120,7 @@ mod tests {
             thread::sleep(Duration::from_millis(5));
         };
         assert_eq!(
-            (status.code(), said.lock().unwrap().as_slice()),
+            (status.code(), relayed.lock().unwrap().as_slice()),
             (Some(3), &["first\n".to_owned(), "last\n".to_owned()][..])
         );
     }

@@ -1,4 +1,4 @@
-//! What the services report: gathered, and traced where that is wanted.
+//! Collects the reports of the services, and writes the trace.
 
 use std::path::{Path, PathBuf};
 
@@ -27,32 +27,32 @@ impl Default for Reports {
 }
 
 impl Reports {
-    /// None yet; each goes to a trace, if one is wanted.
+    /// Creates an empty collection. If a file for a trace is given, reports are also written to it.
     pub(crate) fn new(trace: Option<&Path>) -> Self {
-        let trace = trace.and_then(|path| Trace::begin(path).inspect_err(tell).ok());
+        let trace = trace.and_then(|path| Trace::create(path).inspect_err(warn_no_trace).ok());
         Self { trace, ..Self::default() }
     }
 
-    /// Takes the report of a stage.
+    /// Adds the report of a stage.
     pub(crate) fn add(&mut self, report: &StageReport) {
         self.run.add(report);
         let Some(trace) = &mut self.trace else { return };
         if let Err(error) = trace.writer.add(report) {
-            tell(&PendingFile::error(&trace.path, error));
-            // What was written so far goes with it; the run goes on.
+            warn_no_trace(&PendingFile::error(&trace.path, error));
+            // The run goes on without a trace. Dropping the pending file removes it.
             self.trace = None;
         }
     }
 
-    /// The reports, and the trace if it could be written.
+    /// Returns the reports, and the path of the trace if it could be written.
     pub(crate) fn finish(self) -> (RunReport, Option<PathBuf>) {
-        let trace = self.trace.and_then(|trace| trace.finish().inspect_err(tell).ok());
+        let trace = self.trace.and_then(|trace| trace.finish().inspect_err(warn_no_trace).ok());
         (self.run, trace)
     }
 }
 
 impl Trace {
-    fn begin(path: &Path) -> Result<Self, WriteError> {
+    fn create(path: &Path) -> Result<Self, WriteError> {
         let writer = TraceWriter::new(PendingFile::begin(path)?).map_err(|e| PendingFile::error(path, e))?;
         Ok(Self { path: path.to_owned(), writer })
     }
@@ -64,7 +64,7 @@ impl Trace {
     }
 }
 
-fn tell(error: &WriteError) {
+fn warn_no_trace(error: &WriteError) {
     tracing::warn!("no trace: {error}");
 }
 
@@ -78,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trace_that_cannot_be_written_costs_nothing_but_itself() {
+    fn reports_are_collected_without_the_trace_if_it_cannot_be_written() {
         let mut reports = Reports::new(Some(Path::new("/nowhere/trace.json")));
         reports.add(&report());
         let (run, trace) = reports.finish();
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trace_has_its_name_when_it_is_whole() {
+    fn the_trace_file_appears_only_when_it_is_complete() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trace.json");
         let mut reports = Reports::new(Some(&path));

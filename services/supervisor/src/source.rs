@@ -1,37 +1,39 @@
-//! What stands in the place of cameras and projector, in the supervisor's own process.
+//! Interface of a source of images and pattern events that replaces cameras and projector, in the process of the
+//! supervisor.
 
 use std::path::Path;
 
 use fringeflow_transport::{ChannelSizes, Node};
 
-/// Why a source cannot go on.
+/// Why a source failed.
 pub type SourceError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Puts out images and pattern events.
+/// Publishes images and pattern events.
 pub trait Source {
-    /// Joins the instance, whose accounts lie in a folder.
+    /// Joins the instance. `accounts` is the folder of its accounts.
     ///
     /// # Errors
     /// The channels or the accounts cannot be used.
     fn open(&mut self, node: &Node, sizes: &ChannelSizes, accounts: &Path) -> Result<(), SourceError>;
 
-    /// Puts out what is due. Asked many times a second while the instance scans, and while its services end.
+    /// Publishes everything that is due. Called many times per second while the instance scans, and while its services
+    /// stop.
     ///
     /// # Errors
-    /// It cannot go on.
-    fn turn(&mut self) -> Result<Progress, SourceError>;
+    /// The source cannot continue.
+    fn publish_due(&mut self) -> Result<Progress, SourceError>;
 
     /// Leaves the instance.
     fn close(&mut self);
 }
 
-/// How far a source is.
+/// Progress of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// There is something to put out at this time.
+    /// The next message is due at this time, nanoseconds.
     Next(u64),
-    /// It waits for the pipeline.
+    /// The source waits for the pipeline.
     Waiting,
-    /// Everything was put out.
+    /// Everything has been published.
     Finished,
 }

@@ -1,17 +1,17 @@
-//! Clock of the virtual projector and of free-running virtual cameras: it ticks while the scanner scans.
+//! Clock of the virtual projector and of free-running virtual cameras. It ticks while the scanner scans.
 
 use fringeflow_lab::simulation::{Schedule, Tick};
 
-/// Ticks at a fixed rate, from each start of the scan on.
+/// A clock that ticks at a fixed rate, from each start of a scan.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScanClock {
     rate_hz: f64,
-    /// Exists while the scanner scans.
+    /// `None` while stopped.
     schedule: Option<Schedule>,
 }
 
 impl ScanClock {
-    /// A clock that is stopped.
+    /// Creates a stopped clock.
     pub(crate) fn new(rate_hz: f64) -> Self {
         Self { rate_hz, schedule: None }
     }
@@ -20,8 +20,8 @@ impl ScanClock {
         self.rate_hz
     }
 
-    /// Starts or stops the clock. A clock that ticks already goes on as it does.
-    pub(crate) fn scan(&mut self, scanning: bool, now_ns: u64) {
+    /// Starts or stops the clock. A running clock is not started again.
+    pub(crate) fn set_scanning(&mut self, scanning: bool, now_ns: u64) {
         match (scanning, &self.schedule) {
             (true, None) => self.schedule = Some(Schedule::new(now_ns, self.rate_hz)),
             (false, Some(_)) => self.schedule = None,
@@ -29,13 +29,13 @@ impl ScanClock {
         }
     }
 
-    /// Time of the next tick; `None` while stopped.
+    /// Returns the time of the next tick; `None` while stopped.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         self.schedule.map(|schedule| schedule.next_ns())
     }
 
-    /// Takes the next tick if it is due; to be called until there is none.
-    pub(crate) fn take(&mut self, now_ns: u64) -> Option<Tick> {
+    /// Takes the next tick if it is due. Call this until it returns `None`.
+    pub(crate) fn take_tick(&mut self, now_ns: u64) -> Option<Tick> {
         self.schedule.as_mut()?.take(now_ns)
     }
 }

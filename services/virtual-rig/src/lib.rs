@@ -1,4 +1,4 @@
-//! The virtual rig: cameras and projector of an instance without a scanner.
+//! The virtual rig: simulated cameras and projector for an instance without a scanner.
 //!
 //! ```text
 //!  projector ──pattern events──► channel

@@ -1,4 +1,14 @@
-//! The drift of one pair of images.
+//! The drift of one pair of images. In: candidates decided by surfaces, or all candidates of a sample of pixels. Out: a
+//! [`Drift`].
+//!
+//! ```text
+//! from decided candidates: refine the known drift
+//! from all candidates:
+//!     within = best start in the volume; beyond = best start in the volume and some way beyond
+//!     refine both on more pixels; beyond is preferred only if it scores better and within is doubtful
+//! best start: refine the start without drift
+//!     if the result is implausible: also refine the best of many drawn starts, and take the best of all
+//! ```
 
 use std::f64::consts::TAU;
 
@@ -10,10 +20,10 @@ use super::known::KnownDrift;
 use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
 use super::place::{DepthRow, Places, Polynomial, TERMS};
+use crate::correspondence::candidates::DecidedCandidate;
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::segment_table::SegmentTable;
-use crate::correspondence::surfaces::Decided;
 use crate::correspondence::view::View;
 
 /// Pixels of the estimate, pixels on which starts are followed, and pixels by which drawn starts are compared.
@@ -199,13 +209,13 @@ impl DriftScratch {
     pub(in crate::correspondence) fn estimate_from_decided(
         &mut self,
         table: &SegmentTable,
-        decided: &[Decided],
+        decided: &[DecidedCandidate],
         share: f64,
         spread_turns: f32,
         (known, sd_rad): (&Drift, f64),
     ) -> Option<Drift> {
         let modes = table.drift_modes()?;
-        if !self.sample.take_decided(modes, decided, share, f64::from(spread_turns)) {
+        if !self.sample.fill_decided(modes, decided, share, f64::from(spread_turns)) {
             return None;
         }
         self.sample.thin(DECIDED_PIXELS, &mut self.thinned);
@@ -226,19 +236,19 @@ impl DriftScratch {
         let constant = || (Drift::level(delta.mean_rad, delta.sd_rad), None);
         let Some(modes) = view.table.drift_modes() else { return constant() };
         let length_px = 2.0 * modes.half_segment_px() as f32;
-        let mut take = |sample: &mut Sample, beyond: f32| {
+        let mut fill = |sample: &mut Sample, beyond: f32| {
             // Longer segments have more candidates; fewer pixels keep their total number.
             let pixels = (PIXELS as f32 / beyond.max(1.0)) as usize;
-            sample.take(view, modes, (pixels, beyond * length_px), usable)
+            sample.fill(view, modes, (pixels, beyond * length_px), usable)
         };
-        if !take(sample, 0.0) {
+        if !fill(sample, 0.0) {
             return constant();
         }
         sample.thin(PIXELS_OF_STARTS, thinned);
         let best = best_start(thinned, modes, delta, solver);
         let wider = SEGMENTS_BEYOND.map(|share| {
             let mut wide = Sample::default();
-            take(&mut wide, share).then_some(wide)
+            fill(&mut wide, share).then_some(wide)
         });
         let beyond = best_beyond(wider, modes, delta);
         let mut refined = |sample: &Sample, mut guess: Guess| {
@@ -260,7 +270,7 @@ impl DriftScratch {
 }
 
 /// The start without drift: the mean of δ alone.
-fn still(modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
+fn start_without_drift(modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
     let mut coefficients = Coefficients::default();
     coefficients.resize(1 + modes.fields.len());
     coefficients[0] = delta.mean_rad / TAU;
@@ -268,14 +278,14 @@ fn still(modes: &DriftModes, delta: &DeltaStatistics) -> Guess {
 }
 
 fn best_start(sample: &Sample, modes: &DriftModes, delta: &DeltaStatistics, solver: &mut Solver) -> Guess {
-    let still = still(modes, delta);
-    let mut best = still.clone();
+    let without_drift = start_without_drift(modes, delta);
+    let mut best = without_drift.clone();
     sample.refine(&mut best, STEPS, solver);
     // Drawn starts are expensive.
     if best.is_plausible() || delta.expected_false_candidates() < FEW_FALSE_CANDIDATES {
         return best;
     }
-    let mut followed = followed_starts(sample, modes, &still);
+    let mut followed = followed_starts(sample, modes, &without_drift);
     followed.par_iter_mut().for_each_init(Solver::default, |solver, guess| sample.refine(guess, FIRST_STEPS, solver));
     let mut promising = by_score(sample, followed);
     promising.truncate(BEST_STARTS);
@@ -297,13 +307,13 @@ fn best_beyond<const N: usize>(
     // Even the measured sd may rest on wrong orders; usual rigs scatter less.
     let usual = DeltaStatistics { sd_rad: delta.sd_rad.min(USUAL_SD_RAD), ..delta };
     let starts = |sample: &Sample| {
-        let mut from_usual = still(modes, &usual);
+        let mut from_usual = start_without_drift(modes, &usual);
         sample.refine(&mut from_usual, STEPS, &mut solver);
         [best_start(sample, modes, &delta, &mut solver), from_usual]
     };
     let guesses = thinned.iter().flatten().flat_map(starts).collect();
-    let judge = thinned.iter().flatten().last()?;
-    let best = by_score(judge, guesses).into_iter().next()?;
+    let widest = thinned.iter().flatten().last()?;
+    let best = by_score(widest, guesses).into_iter().next()?;
     wider.into_iter().flatten().last().map(|sample| (best, sample))
 }
 
@@ -314,15 +324,15 @@ fn by_score(sample: &Sample, guesses: Vec<Guess>) -> Vec<Guess> {
     scored.into_iter().map(|(_, guess)| guess).collect()
 }
 
-/// The best of the drawn starts that differ enough from each other.
-fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Guess> {
-    let spread_px = modes.rms_turns.first().map_or(0.0, |rms| still.sd_turns / rms);
+/// The best of the drawn starts that differ enough from each other. They spread about `without_drift`.
+fn followed_starts(sample: &Sample, modes: &DriftModes, without_drift: &Guess) -> Vec<Guess> {
+    let spread_px = modes.rms_turns.first().map_or(0.0, |rms| without_drift.sd_turns / rms);
     let few = sample.thinned(PIXELS_OF_DRAWS);
     let drawn = draws(modes.fields.len().min(LEADING_MODES)).take(DRAWN_STARTS).map(|normal| {
         // The other modes are zero, and left out of the comparison.
         let leading = normal.into_iter().map(|n| n * spread_px);
-        let coefficients = still.coefficients[..1].iter().copied().chain(leading).collect();
-        Guess { sd_turns: START_SD * still.sd_turns, coefficients, share: 0.0 }
+        let coefficients = without_drift.coefficients[..1].iter().copied().chain(leading).collect();
+        Guess { sd_turns: START_SD * without_drift.sd_turns, coefficients, share: 0.0 }
     });
     let drawn = by_score(&few, drawn.collect());
     let distance = |a: &Guess, b: &Guess| {
@@ -331,9 +341,9 @@ fn followed_starts(sample: &Sample, modes: &DriftModes, still: &Guess) -> Vec<Gu
     };
     let mut followed: Vec<Guess> = Vec::new();
     for mut guess in drawn {
-        let differs = |other: &Guess| distance(&guess, other) > START_DISTANCE * still.sd_turns;
+        let differs = |other: &Guess| distance(&guess, other) > START_DISTANCE * without_drift.sd_turns;
         if followed.len() < FOLLOWED_STARTS && followed.iter().all(differs) {
-            guess.coefficients.resize(still.coefficients.len());
+            guess.coefficients.resize(without_drift.coefficients.len());
             followed.push(guess);
         }
     }

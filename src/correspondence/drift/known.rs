@@ -1,4 +1,4 @@
-//! The drift as it is handed on from window to window.
+//! The drift that one window hands to the next.
 
 use super::modes::MAX_MODES;
 
@@ -13,7 +13,7 @@ pub struct KnownDrift {
 }
 
 impl KnownDrift {
-    /// Numbers that make it up.
+    /// Number of numbers in [`Self::to_numbers`].
     pub const NUMBERS: usize = 2 + MAX_MODES;
 
     /// As numbers: sd of δ about the field, rad; mean, turns; coefficients of the modes, pixels.

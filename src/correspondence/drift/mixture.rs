@@ -1,5 +1,13 @@
 //! The candidates of a sample of pixels as a mixture. At most one candidate per pixel is true; its δ is normally
 //! distributed about the drift. δ of the others is uniform.
+//!
+//! ```text
+//! refine a guess (mean, coefficients of the modes, sd) until sd settles:
+//!     for each pixel, for each candidate:
+//!         weight = density of δ − field / (density of false candidates + that of all candidates of the pixel)
+//!     solve the weighted normal equations, with the prior, for the change of the coefficients
+//!     sd = weighted root mean square of δ − field; it shrinks by a bounded factor, and never grows
+//! ```
 
 use std::f64::consts::TAU;
 use std::ops::{ControlFlow, Deref, DerefMut};
@@ -9,10 +17,10 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::correspondence::candidates::DecidedCandidate;
 use crate::correspondence::decay::decay;
 use crate::correspondence::row_view::RowView;
 use crate::correspondence::segment_table::SegmentTable;
-use crate::correspondence::surfaces::Decided;
 use crate::correspondence::view::View;
 use crate::phase::PhaseMap;
 
@@ -119,7 +127,7 @@ pub(super) struct Sample {
 impl Sample {
     /// Samples about `pixels` pixels of C1, evenly spread, with the candidates on their segments and up to `beyond_px`
     /// columns beyond. Returns whether there is a candidate.
-    pub(super) fn take(
+    pub(super) fn fill(
         &mut self,
         View { cam1, cam2, table }: View<'_>,
         modes: &DriftModes,
@@ -156,16 +164,16 @@ impl Sample {
     }
 
     /// Samples decided candidates. `share` is the share of the image that they cover. Returns whether there is one.
-    pub(super) fn take_decided(
+    pub(super) fn fill_decided(
         &mut self,
         modes: &DriftModes,
-        decided: &[Decided],
+        decided: &[DecidedCandidate],
         share: f64,
         spread_turns: f64,
     ) -> bool {
         self.begin(modes, share, spread_turns);
         let mut before = None;
-        for &Decided { pixel, column_px, delta_turns, .. } in decided {
+        for &DecidedCandidate { pixel, column_px, delta_turns, .. } in decided {
             // Further candidates of the same pixel extend its list.
             if before.replace(pixel) == Some(pixel) {
                 self.first.pop();
@@ -353,7 +361,7 @@ impl Usable {
     }
 }
 
-/// Less the whole turns. `f64::round` would call the C library.
+/// Wraps to half a turn on either side of zero. `f64::round` would call the C library.
 #[inline(always)]
 fn to_half_turn(turns: f64) -> f64 {
     turns - (turns + 0.5_f64.copysign(turns)) as i64 as f64
@@ -456,7 +464,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_so_many_pixels_are_those_of_stepping_through_all() {
+    fn every_nth_pixel_equals_stepping_through_all() {
         let width = 13;
         let is_usable: Vec<u8> = (0..13 * 17).map(|i| u8::from(i * i % 7 < 4 && i / 13 != 5)).collect();
         let counts = is_usable.chunks(width).map(|row| row.iter().filter(|&&u| u == 1).count()).collect();

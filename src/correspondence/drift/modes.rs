@@ -9,7 +9,6 @@ use nalgebra::{DMatrix, SymmetricEigen, Translation3, UnitQuaternion};
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::segment_table::SegmentTable;
 use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
@@ -53,9 +52,9 @@ impl DriftModes {
         volume: &MeasurementVolume,
         pattern: &FringePattern,
         frame: &EpipolarFrame,
-        table: &SegmentTable,
+        limits_px: impl Fn(usize) -> [f32; 2],
     ) -> Option<Self> {
-        let places = Places::fit(table.size_px(), |pixel| table.limits_px(pixel))?;
+        let places = Places::fit([rig.cam1.width_px(), rig.cam1.height_px()], limits_px)?;
         let samples = Samples::new(rig, volume, pattern, frame, &places);
         let (fields, rms_turns) = samples.principal_fields()?;
         Some(Self { places, by_term: ModesByTerm::new(places, &fields), fields, rms_turns })

@@ -36,7 +36,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Number of numbers of the coordinates.
+    /// Number of numbers in [`Self::to_numbers`].
     pub(super) const NUMBERS: usize = 6;
 
     /// Fits the coordinates to the segments of the pixels of C1, given by their first and last columns. `None` if there

@@ -9,7 +9,9 @@ mod segments;
 
 use fringeflow_simd::LANES;
 
-pub(super) use rows::{Crossing, Differences, Ends, RowPair, Rows, Tables, column_and_slope, crosses, mix_rows};
+pub(super) use rows::{
+    Crossing, Differences, Ends, MAX_COLUMN_STEP, RowPair, Rows, Tables, column_and_slope, crosses, interpolate_rows,
+};
 pub(super) use segments::{Segments, load};
 
 /// Pixels of a block.

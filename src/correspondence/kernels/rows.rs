@@ -3,7 +3,11 @@
 use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
-use crate::correspondence::row_view::MAX_COLUMN_STEP;
+
+/// Largest phase difference between neighbouring columns at which a crossing counts, turns · 65536. Fringes on a
+/// grazing surface are short, and at a silhouette two surfaces mix in one pixel. Near half a turn the sense of the step
+/// is lost.
+pub(in crate::correspondence) const MAX_COLUMN_STEP: i32 = 30000;
 
 /// Most pairs of rows that a block may look into.
 const MAX_PAIRS: usize = 4;
@@ -119,7 +123,7 @@ impl<'a, L: Lanes> Tables<'a, L> {
             upper = lanes.select(self.pair.second, lower, upper);
             lower = lanes.select(self.pair.second, lanes.look_up(third, place), lower);
         }
-        let (phase, known) = mix_rows(lanes, upper, lower, self.below);
+        let (phase, known) = interpolate_rows(lanes, upper, lower, self.below);
         Differences { value: lanes.sub(phase, self.phases), known }
     }
 }
@@ -127,7 +131,7 @@ impl<'a, L: Lanes> Tables<'a, L> {
 /// Interpolates the phase between two rows, `below` being the share of the lower row in 1/65536, as
 /// [`crate::correspondence::row_view::RowView`] does. Also returns where there is a phase.
 #[inline(always)]
-pub(in crate::correspondence) fn mix_rows<L: Lanes>(
+pub(in crate::correspondence) fn interpolate_rows<L: Lanes>(
     lanes: L,
     upper: L::Words,
     lower: L::Words,
@@ -136,17 +140,17 @@ pub(in crate::correspondence) fn mix_rows<L: Lanes>(
     let (none, zero) = (lanes.word(EpipolarImage::NO_PHASE as i16), lanes.word(0));
     let (no_upper, no_lower) = (lanes.is_equal(upper, none), lanes.is_equal(lower, none));
     let step = lanes.sub(lower, upper);
-    // Rows of different surfaces are not mixed: the nearer row counts.
+    // Rows of different surfaces are not interpolated: the nearer row counts.
     let small = lanes.is_at_least(lanes.word(MAX_NEIGHBOUR_STEP as i16), lanes.abs(step));
-    let mixes = lanes.and_not(small, lanes.or(no_upper, no_lower));
+    let interpolates = lanes.and_not(small, lanes.or(no_upper, no_lower));
     // The high word of a signed by an unsigned number, and the rounding.
     let sign = lanes.select(lanes.is_greater(zero, step), below, zero);
     let part = lanes.sub(lanes.times_high(step, below), sign);
     let part = lanes.add(part, lanes.shift_right::<15>(lanes.times_low(step, below)));
     let is_lower_nearer = lanes.is_greater(zero, below);
     let nearest = lanes.select(is_lower_nearer, lower, upper);
-    let phase = lanes.select(mixes, lanes.add(upper, part), nearest);
-    (phase, lanes.or(mixes, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
+    let phase = lanes.select(interpolates, lanes.add(upper, part), nearest);
+    (phase, lanes.or(interpolates, lanes.and_not(lanes.mask(u32::MAX), lanes.is_equal(nearest, none))))
 }
 
 /// 64 columns of the image from a place on. Columns beyond the end of the image have no phase.
@@ -163,10 +167,11 @@ fn columns<'a>(image: &'a EpipolarImage, begin: usize, end: &'a mut [u16; COLUMN
     }
 }
 
-/// Phases less those of the pixels, and where there are any.
+/// Phases of C2 minus those of the pixels.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct Differences<L: Lanes> {
     pub(in crate::correspondence) value: L::Words,
+    /// Pixels where C2 has a phase.
     pub(in crate::correspondence) known: L::Mask,
 }
 
@@ -192,7 +197,9 @@ pub(in crate::correspondence) fn crosses<L: Lanes>(lanes: L, before: Differences
 /// One crossing per pixel.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct Crossing<L: Lanes> {
+    /// Pixels with a crossing.
     pub(in crate::correspondence) hit: L::Mask,
+    /// Phase differences in the columns before and after it.
     pub(in crate::correspondence) before: L::Words,
     pub(in crate::correspondence) after: L::Words,
     /// The column after the crossing.
@@ -206,8 +213,9 @@ impl<L: Lanes> Crossing<L> {
         Self { hit: lanes.mask(0), before: zero, after: zero, after_at: zero }
     }
 
+    /// Sets the crossings of some pixels, which may replace earlier ones.
     #[inline(always)]
-    pub(in crate::correspondence) fn take(
+    pub(in crate::correspondence) fn set(
         &mut self,
         lanes: L,
         pixels: L::Mask,

@@ -137,7 +137,7 @@ impl RowPair<'_> {
         if self.weight < 0.5 { a } else { b }
     }
 
-    /// Column where the line has the absolute phase `wanted`. `near_last` tells that the last columns are the nearest
+    /// Column where the line has the absolute phase `wanted`. `near_last` is true if the last columns are the nearest
     /// to C1.
     fn find(&self, wanted: f32, (from, to): (usize, usize), near_last: bool) -> Option<f64> {
         let mut crossings = Vec::new();

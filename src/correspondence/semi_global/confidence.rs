@@ -1,8 +1,8 @@
 //! The probability that a candidate is true.
 //!
-//! An additive logistic model (Hastie and Tibshirani 1990, "Generalized Additive Models"): each ground adds a curve to
-//! the logarithm of the odds. Curves are linear between their knots and constant beyond them. Their values were fitted
-//! by `examples/fit_confidence.rs` to scenes of the virtual scanner.
+//! An additive logistic model (Hastie and Tibshirani 1990, "Generalized Additive Models"): each of the grounds adds a
+//! curve to the logarithm of the odds. Curves are linear between their knots and constant beyond them. Their values
+//! were fitted by `examples/fit_confidence.rs` to scenes of the virtual scanner.
 
 use std::sync::LazyLock;
 
@@ -10,7 +10,7 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::decay::decay;
 
-use super::UNITS_PER_NAT;
+use super::cost_table::UNITS_PER_NAT;
 use super::grounds::Grounds;
 use super::paths::PATHS;
 
@@ -162,14 +162,14 @@ const MARGIN: usize = 0;
 const ABS_Z: usize = 1;
 const REGION_PX: usize = 2;
 const REGION_LEAD: usize = 3;
-const BESIDE: usize = 4;
-const AROUND: usize = 5;
+const NEAR_SUPPORT: usize = 4;
+const WIDE_SUPPORT: usize = 5;
 const HIDDEN: usize = 6;
 const HIDDEN_SHARE: usize = 7;
-/// Margins beyond this make no difference: it lies behind the last knot.
-const MAX_MARGIN: usize = (16 * PATHS) * UNITS_PER_NAT as usize;
+/// Largest margin in the table, in units of cost. It lies beyond the last knot, where the curve is constant.
+const MAX_MARGIN_UNITS: usize = (16 * PATHS) * UNITS_PER_NAT as usize;
 /// Pixels in the wide neighbourhood of a pixel.
-const MOST_AROUND: usize = 48;
+const MAX_SUPPORT: usize = 48;
 
 /// The grounds shared by all pixels of a region.
 #[derive(Clone, Copy, Debug, Default)]
@@ -186,10 +186,10 @@ pub(super) static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
 pub(super) struct Tables {
     /// By the margin: the excess of the next best order, summed over all paths.
     margin: Vec<f32>,
-    near_support: [f32; MOST_AROUND + 1],
-    wide_support: [f32; MOST_AROUND + 1],
+    near_support: [f32; MAX_SUPPORT + 1],
+    wide_support: [f32; MAX_SUPPORT + 1],
     /// For points that C2 does not see, by their support; the last entry is for points that it sees.
-    hidden: [f32; MOST_AROUND + 2],
+    hidden: [f32; MAX_SUPPORT + 2],
 }
 
 impl Tables {
@@ -197,14 +197,18 @@ impl Tables {
         let none = Grounds::default;
         let margin = |units: usize| Grounds { margin_nats: margin_nats(units as u16), ..none() };
         let hidden = |wide_support: usize| Grounds {
-            is_hidden: wide_support <= MOST_AROUND,
+            is_hidden: wide_support <= MAX_SUPPORT,
             wide_support: wide_support as u8,
             ..none()
         };
         Self {
-            margin: (0..=MAX_MARGIN).map(|units| MODEL[MARGIN].log_odds(&margin(units))).collect(),
-            near_support: std::array::from_fn(|n| MODEL[BESIDE].log_odds(&Grounds { near_support: n as u8, ..none() })),
-            wide_support: std::array::from_fn(|n| MODEL[AROUND].log_odds(&Grounds { wide_support: n as u8, ..none() })),
+            margin: (0..=MAX_MARGIN_UNITS).map(|units| MODEL[MARGIN].log_odds(&margin(units))).collect(),
+            near_support: std::array::from_fn(|n| {
+                MODEL[NEAR_SUPPORT].log_odds(&Grounds { near_support: n as u8, ..none() })
+            }),
+            wide_support: std::array::from_fn(|n| {
+                MODEL[WIDE_SUPPORT].log_odds(&Grounds { wide_support: n as u8, ..none() })
+            }),
             hidden: std::array::from_fn(|n| MODEL[HIDDEN].log_odds(&hidden(n))),
         }
     }
@@ -239,6 +243,7 @@ pub(super) fn confidences(tables: &Tables, grounds: &GroundsRow<'_>, log_odds: &
     fringeflow_simd::run(Level::in_use(), ConfidenceRow { tables, grounds, log_odds, out });
 }
 
+/// Computes the confidences of a row.
 struct ConfidenceRow<'a> {
     tables: &'a Tables,
     grounds: &'a GroundsRow<'a>,
@@ -258,15 +263,15 @@ impl Kernel for ConfidenceRow<'_> {
         let (near_support, wide_support) = (&g.near_support[..width], &g.wide_support[..width]);
         let region_log_odds = &g.region_log_odds[..width];
         for u in 0..width {
-            log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN)];
+            log_odds[u] = tables.margin[usize::from(margin[u]).min(MAX_MARGIN_UNITS)];
         }
         for u in 0..width {
             log_odds[u] = log_odds[u] + log_odds_of_z(z[u].abs()) + region_log_odds[u];
         }
         for u in 0..width {
-            let wide_support = usize::from(wide_support[u]).min(MOST_AROUND);
-            let hidden = if is_hidden[u] { wide_support } else { MOST_AROUND + 1 };
-            let by_support = tables.near_support[usize::from(near_support[u]).min(MOST_AROUND)];
+            let wide_support = usize::from(wide_support[u]).min(MAX_SUPPORT);
+            let hidden = if is_hidden[u] { wide_support } else { MAX_SUPPORT + 1 };
+            let by_support = tables.near_support[usize::from(near_support[u]).min(MAX_SUPPORT)];
             log_odds[u] = log_odds[u] + by_support + tables.wide_support[wide_support] + tables.hidden[hidden];
         }
         let out = &mut out[..width];
@@ -315,9 +320,9 @@ mod tests {
     /// All curves, one by one: the oracle.
     fn log_odds(grounds: &Grounds) -> f32 {
         let sum = |curves: &[usize]| curves.iter().map(|&curve| MODEL[curve].log_odds(grounds)).sum::<f32>();
-        let by_support = sum(&[BESIDE]);
+        let by_support = sum(&[NEAR_SUPPORT]);
         let of_region = sum(&[REGION_PX, REGION_LEAD, HIDDEN_SHARE]);
-        sum(&[MARGIN, ABS_Z]) + of_region + by_support + sum(&[AROUND]) + sum(&[HIDDEN])
+        sum(&[MARGIN, ABS_Z]) + of_region + by_support + sum(&[WIDE_SUPPORT]) + sum(&[HIDDEN])
     }
 
     #[test]
@@ -378,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn what_speaks_against_a_point_lowers_its_confidence() {
+    fn worse_grounds_lower_the_confidence() {
         let confidence = |grounds: Grounds| Confidence(from_log_odds(log_odds(&grounds)));
         assert!(confidence(sound()).probability() > 0.999);
         for worse in [

@@ -1,19 +1,17 @@
-//! The grounds: what speaks for the selected candidate of a pixel.
+//! The grounds: the observations from which the confidence of a selected candidate is computed.
 
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::neighbourhood::MAX_STEP;
-
-use super::selection::ABSENT;
+use crate::correspondence::neighbourhood::{ABSENT, MAX_STEP};
 
 /// Pixels on either side within which support counts.
 const REACH_PX: usize = 3;
 /// Side of that neighbourhood, pixels.
 const SIDE: usize = 2 * REACH_PX + 1;
 
-/// What speaks for the selected candidate of one pixel.
+/// Observations for and against the selected candidate of one pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grounds {
     /// Lead of its order over the next best, nats a path.
@@ -26,19 +24,19 @@ pub struct Grounds {
     pub region_lead_nats: f32,
     /// How many of the 8 adjacent pixels are accepted and have an absolute phase that continues that of the pixel.
     pub near_support: u8,
-    /// The same among the 48 pixels around it.
+    /// How many of the 48 pixels around it are.
     pub wide_support: u8,
-    /// Whether its place in C2 serves a point nearer to C2.
+    /// Whether its place in C2 serves a point nearer to C2, which hides it.
     pub is_hidden: bool,
-    /// Share of its region for which this holds.
+    /// Share of its region that is hidden so.
     pub hidden_share: f32,
 }
 
 /// Columns handled at once.
 const BLOCK: usize = 32;
 /// Support of a pixel whose neighbours all continue its phase.
-const ALL_BESIDE: u8 = 8;
-const ALL_AROUND: u8 = (SIDE * SIDE - 1) as u8;
+const ALL_NEAR: u8 = 8;
+const ALL_WIDE: u8 = (SIDE * SIDE - 1) as u8;
 
 /// Absolute phases of the accepted pixels, with a margin of absent ones as wide as support reaches.
 #[derive(Clone, Debug, Default)]
@@ -48,7 +46,7 @@ pub(super) struct Surroundings {
     stride: usize,
     /// For each block of each row 1 if every pixel is accepted and its phase continues to the right, below and to the
     /// lower right, else 0. A pixel surrounded by such blocks has full support.
-    runs_on: Vec<u8>,
+    is_continuous: Vec<u8>,
 }
 
 /// Most difference of the absolute phases of two pixels, by their distance in rows and columns.
@@ -75,12 +73,12 @@ impl Surroundings {
         let rows = inside.par_chunks_exact_mut(self.stride);
         rows.enumerate().for_each(|(v, row)| fill(v, &mut row[REACH_PX..REACH_PX + width]));
         let blocks = self.stride.div_ceil(BLOCK);
-        self.runs_on.resize(blocks * (height + 2 * REACH_PX), 0);
+        self.is_continuous.resize(blocks * (height + 2 * REACH_PX), 0);
         let (absolute, stride) = (&self.absolute, self.stride);
-        self.runs_on.par_chunks_mut(blocks).enumerate().for_each(|(v, runs_on)| {
+        self.is_continuous.par_chunks_mut(blocks).enumerate().for_each(|(v, is_continuous)| {
             let row = &absolute[v * stride..][..stride];
             let below = absolute.get((v + 1) * stride..(v + 2) * stride).unwrap_or(row);
-            fringeflow_simd::run(Level::in_use(), RunsOnRow { row, below, runs_on });
+            fringeflow_simd::run(Level::in_use(), ContinuousRow { row, below, is_continuous });
         });
     }
 
@@ -95,37 +93,40 @@ impl Surroundings {
     ) {
         let rows = std::array::from_fn(|row| &self.absolute[(v + row) * self.stride..][column..self.stride]);
         let blocks = self.stride.div_ceil(BLOCK);
-        let runs_on = std::array::from_fn(|row| &self.runs_on[(v + row) * blocks..][..blocks]);
-        fringeflow_simd::run(Level::in_use(), SupportRow { column, rows, runs_on, own, near_support, wide_support });
+        let is_continuous = std::array::from_fn(|row| &self.is_continuous[(v + row) * blocks..][..blocks]);
+        fringeflow_simd::run(
+            Level::in_use(),
+            SupportRow { column, rows, is_continuous, own, near_support, wide_support },
+        );
     }
 }
 
 /// Finds the blocks of a row whose phase continues everywhere.
-struct RunsOnRow<'a> {
+struct ContinuousRow<'a> {
     row: &'a [i32],
     below: &'a [i32],
     /// One entry per block.
-    runs_on: &'a mut [u8],
+    is_continuous: &'a mut [u8],
 }
 
-impl Kernel for RunsOnRow<'_> {
+impl Kernel for ContinuousRow<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { row, below, runs_on } = self;
+        let Self { row, below, is_continuous } = self;
         let differs = |a: i32, b: i32| i32::from(a.wrapping_sub(b).unsigned_abs() > MAX_STEP as u32);
-        for (block, runs_on) in runs_on.iter_mut().enumerate() {
+        for (block, is_continuous) in is_continuous.iter_mut().enumerate() {
             let begin = block * BLOCK;
             let count = BLOCK.min(row.len() - 1 - begin);
             let (here, right) = (&row[begin..][..count], &row[begin + 1..][..count]);
-            let (under, near_support) = (&below[begin..][..count], &below[begin + 1..][..count]);
+            let (under, lower_right) = (&below[begin..][..count], &below[begin + 1..][..count]);
             let mut ends = 0;
             for i in 0..count {
                 ends |= i32::from(here[i] == ABSENT) | differs(here[i], right[i]) | differs(here[i], under[i]);
-                ends |= differs(here[i], near_support[i]) | differs(right[i], under[i]);
+                ends |= differs(here[i], lower_right[i]) | differs(right[i], under[i]);
             }
-            *runs_on = u8::from(ends == 0);
+            *is_continuous = u8::from(ends == 0);
         }
     }
 }
@@ -135,7 +136,7 @@ struct SupportRow<'a> {
     column: usize,
     /// The rows around it, with their margins, and their blocks.
     rows: [&'a [i32]; SIDE],
-    runs_on: [&'a [u8]; SIDE],
+    is_continuous: [&'a [u8]; SIDE],
     own: &'a [i32],
     near_support: &'a mut [u8],
     wide_support: &'a mut [u8],
@@ -146,15 +147,15 @@ impl Kernel for SupportRow<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { column, rows, runs_on, own, near_support, wide_support } = self;
+        let Self { column, rows, is_continuous, own, near_support, wide_support } = self;
         for begin in (0..own.len()).step_by(BLOCK) {
             let count = BLOCK.min(own.len() - begin);
             let (first, last) = ((column + begin) / BLOCK, (column + begin + count + 2 * REACH_PX - 1) / BLOCK);
             let (near_support, wide_support) =
                 (&mut near_support[begin..][..count], &mut wide_support[begin..][..count]);
-            if runs_on.iter().all(|row| row[first..=last].iter().all(|&runs_on| runs_on == 1)) {
-                near_support.fill(ALL_BESIDE);
-                wide_support.fill(ALL_AROUND);
+            if is_continuous.iter().all(|row| row[first..=last].iter().all(|&is_continuous| is_continuous == 1)) {
+                near_support.fill(ALL_NEAR);
+                wide_support.fill(ALL_WIDE);
                 continue;
             }
             let mut phases = [ABSENT; BLOCK];
@@ -193,8 +194,8 @@ fn support(own: &[i32; BLOCK], rows: [&[i32; BLOCK + 2 * REACH_PX]; SIDE]) -> [[
             let is_beside = row.abs_diff(REACH_PX) <= 1 && column.abs_diff(REACH_PX) <= 1;
             let counts = if is_beside { &mut near_support } else { &mut wide_support };
             for i in 0..BLOCK {
-                let runs_on = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
-                counts[i] = counts[i].wrapping_add(u8::from(runs_on));
+                let continues = others[i].wrapping_sub(own[i]).unsigned_abs() <= limit;
+                counts[i] = counts[i].wrapping_add(u8::from(continues));
             }
         }
     }
@@ -210,9 +211,9 @@ mod tests {
     use crate::correspondence::test_random::random;
 
     #[test]
-    fn support_is_what_stands_around_and_runs_on() {
+    fn support_counts_the_accepted_pixels_around_that_continue() {
         let turn = 65536;
-        // A ramp of an eighth of a turn a column; the last column lies an order higher, one pixel does not stand.
+        // A ramp of an eighth of a turn a column; the last column lies an order higher, one pixel is not accepted.
         let mut absolute: Vec<i32> = (0..25).map(|i| (i % 5) * turn / 8 + if i % 5 == 4 { turn } else { 0 }).collect();
         absolute[6] = ABSENT;
         let mut surroundings = Surroundings::default();
@@ -232,7 +233,7 @@ mod tests {
     fn support_is_that_of_counting_one_by_one() {
         let (width, height) = (157, 24);
         let mut random = random(9);
-        // On the left anything, on the right a surface with a few holes.
+        // On the left random phases, on the right a surface with a few holes.
         let anything = |random: i32, value: i32| if random % 6 == 0 { ABSENT } else { value * 2 - 60_000 };
         let surface = |i: usize, random: i32| if random % 1000 == 0 { ABSENT } else { (i % width) as i32 * 9000 };
         let of = |i: usize, random: [i32; 2]| match i % width {
@@ -251,9 +252,9 @@ mod tests {
                 let (mut near, mut all) = (0, 0);
                 for (i, &other) in absolute.iter().enumerate() {
                     let away = (i % width).abs_diff(u).max((i / width).abs_diff(v));
-                    let runs_on = other != ABSENT && (other - own[u]).abs() <= MAX_STEP * away as i32;
-                    all += u8::from(runs_on && (1..=REACH_PX).contains(&away));
-                    near += u8::from(runs_on && away == 1);
+                    let continues = other != ABSENT && (other - own[u]).abs() <= MAX_STEP * away as i32;
+                    all += u8::from(continues && (1..=REACH_PX).contains(&away));
+                    near += u8::from(continues && away == 1);
                 }
                 assert_eq!((near_support[u], wide_support[u]), (near, all), "{u} {v}");
             }

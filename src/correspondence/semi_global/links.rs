@@ -1,8 +1,17 @@
 //! Links: which neighbours lie on one surface by the wrapped phase of C1, and how their orders continue.
 //!
 //! In: phases of C1 and the order range of each pixel. Out: for each pixel and each of four axes whether the phase
-//! continues from the pixel before, and which of its orders continues the first order of that pixel. A jump, or a bend
-//! before or behind, cuts the link, so a link is the same in both directions.
+//! continues from the pixel before, and which of its orders continues the first order of that pixel.
+//!
+//! ```text
+//! for each axis, for each band of rows, in parallel; for each pixel p and the pixel q before it:
+//!     rise = phase(p) − phase(q), wrapped
+//!     linked if both have a phase and orders, the rise is small, and the rises to q and behind p differ little from it
+//!     carry = the whole turn that the wrapped phase skips from q to p
+//!     shift = first order of p − first order of q − carry       no link if it exceeds MAX_SHIFT
+//! ```
+//!
+//! A bend before or behind cuts the link, so a link is the same in both directions.
 
 use rayon::prelude::*;
 
@@ -11,8 +20,8 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE};
 use crate::phase::PhaseMap;
 
-use super::bands::{self, BAND_ROWS};
 use super::order_ranges::OrderRanges;
+use crate::correspondence::bands::{self, BAND_ROWS};
 
 /// Steps of the axes, columns and rows, from a pixel to the next one.
 pub(super) const AXES: [[isize; 2]; 4] = [[1, 0], [0, 1], [1, 1], [-1, 1]];
@@ -73,14 +82,14 @@ impl RowLinks<'_> {
     pub(super) fn link(&self, u: usize) -> Link {
         let column = u.wrapping_add_signed(if self.forward { -self.du } else { self.du });
         let shift = *self.shifts.get(if self.forward { u } else { column }).unwrap_or(&NONE);
-        // Left of the image there is no link, so the column of a link always lies in the image.
+        // Beyond the image there is no link, so the column of a link always lies in the image.
         let is_link = shift != NONE;
         let shift = if self.forward { shift } else { (2 * MAX_SHIFT as u8).wrapping_sub(shift) };
         Link { is_link, column: if is_link { column } else { 0 }, shift: usize::from(shift) }
     }
 
-    /// Carries `places`, which are places of orders in their ranges, from each pixel before to the pixel; [`NO_PLACE`]
-    /// if there is none, or no link. An order beyond the range gets a place beyond every range.
+    /// Carries `places`, the places of orders in their ranges, from each pixel to the next one. The result is
+    /// [`NO_PLACE`] if there is no place or no link, and a place beyond every range if the order lies beyond the range.
     #[inline(always)]
     pub(super) fn carry(&self, places: &[u8], out: &mut [u8]) {
         let width = out.len();
@@ -111,7 +120,7 @@ impl RowLinks<'_> {
 /// Stands for no order of a range. Ranges have fewer than half as many places.
 pub(super) const NO_PLACE: u8 = u8::MAX;
 
-/// Where a path comes from.
+/// The link of a pixel to the one before on a path.
 #[derive(Clone, Copy)]
 pub(super) struct Link {
     /// Whether there is a link; otherwise the rest is undefined.

@@ -1,168 +1,35 @@
 //! Matching costs: how badly the best candidate of each order fits, in whole numbers.
 //!
-//! A candidate with z = (δ − drift)/sd costs −ln(e⁻⁵ + e^(−z²/2)): that of a normal error, but at most five nats, since
-//! the true candidate may be missing or spoilt. An order without candidate costs five nats. A candidate outside the
-//! volume is less likely and costs slightly more.
+//! The cost of a candidate by its z stands in [`super::cost_table`]. An order without candidate costs five nats. A
+//! candidate outside the volume is less likely and costs slightly more.
+//!
+//! ```text
+//! repeat, with room for more orders, until it suffices for all pixels:
+//!     for each band of rows, in parallel; for each row:
+//!         load segments, drift and sd; the order range of each pixel
+//!         confirm the orders that surfaces give: a confirmed pixel is decided
+//!         for each other pixel p, for each order k: E(p, k) = cost of its best candidate
+//!         keep place and cost of the best order, and the next best cost, of each pixel
+//!         mark the pixels that are explained: a surface gives an order, or some order fits
+//! ```
 
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::drift::DepthRow;
+use crate::correspondence::bands::{self, BAND_ROWS};
 use crate::correspondence::kernels::{BLOCK, Ends, block_of_mut};
-use crate::correspondence::pixel_search::PixelSearch;
-use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::pixel_search::{PixelSearch, Reach};
 use crate::correspondence::surfaces::{self, NO_ORDER as NO_SURFACE_ORDER};
-use crate::phase::Modulation;
 
-use super::bands::{self, BAND_ROWS};
-use super::kernels::{self, BestBlock, CostScratch, OrderBlock};
-use super::order_ranges::{OrderRangeRow, OrderRanges, Reach};
-use super::selection::{SelectedRow, Selection};
-use super::{Scene, UNITS_PER_NAT};
+use super::cost_table::{CostTable, DECIDED, MAX_Z, MISSING, NO_ORDER, OUTSIDE, PASSING_Z, STEPS_PER_Z};
+use super::kernels::{BestBlock, CostScratch, OrderBlock};
+use super::order_ranges::{OrderRangeRow, OrderRanges};
+use super::search_row::{DeltaScale, SearchRow};
+use super::selection::{SelectedPixels, Selection};
+use crate::correspondence::scene::Scene;
 
-/// Matching cost of an order without candidate, nats.
-const MISSING_NATS: f32 = 5.0;
-/// The same in whole numbers.
-pub(super) const MISSING: u8 = (MISSING_NATS * UNITS_PER_NAT) as u8;
-/// Stands for an order that a pixel does not have.
-pub(super) const NO_ORDER: u8 = u8::MAX;
-/// Additional cost of a candidate outside the measurement volume, nats.
-const OUTSIDE_NATS: f32 = 0.2;
-pub(super) const OUTSIDE: u8 = (OUTSIDE_NATS * UNITS_PER_NAT) as u8;
-/// Stands for the least cost of a decided pixel, and the excess of all its other orders.
-pub(super) const DECIDED: u8 = NO_ORDER - DECIDED_LEAD;
-pub(super) const DECIDED_LEAD: u8 = MISSING;
-/// Largest z with a cost of its own; beyond it the candidate counts as missing.
-pub(super) const MAX_Z: f32 = 5.0;
-/// Steps of the cost table per unit of z.
-pub(super) const STEPS_PER_Z: f32 = 64.0;
-/// z of the back-projection test (paper, section 2.1).
-pub(super) const PASSING_Z: f32 = 3.0;
-/// Share of the variance of δ that grows with (noise / modulation)²; the rest is equal for all pixels.
-const NOISE_SHARE: f32 = 0.5;
-/// Largest sd of a pixel, relative to one of median modulation.
-const MAX_SD_RATIO: f32 = 4.0;
-
-/// Predicted sd of δ of a true candidate about the drift.
-pub(super) struct DeltaScale {
-    /// At median modulation, turns.
-    sd_turns: f32,
-    /// Median modulation, grey levels.
-    median_grey: f32,
-}
-
-impl DeltaScale {
-    pub(super) fn from_scene(scene: &Scene<'_>) -> Self {
-        let cam1 = scene.cam1;
-        let median_grey = median_modulation(&cam1.modulation, &cam1.valid, cam1.width).map_or(1.0, Modulation::grey);
-        let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
-        Self { sd_turns, median_grey }
-    }
-
-    /// At a modulation, turns.
-    #[inline(always)]
-    fn sd_turns(&self, modulation_grey: f32) -> f32 {
-        let ratio = self.median_grey / modulation_grey.max(f32::MIN_POSITIVE);
-        let variance = 1.0 - NOISE_SHARE + NOISE_SHARE * ratio * ratio;
-        self.sd_turns * variance.sqrt().min(MAX_SD_RATIO)
-    }
-}
-
-/// Median modulation of the valid pixels, from a sample of the rows.
-fn median_modulation(modulation: &[Modulation], valid: &[bool], width: usize) -> Option<Modulation> {
-    /// Distance of the sampled rows.
-    const PITCH: usize = 16;
-    // First the upper byte of the median, then the lower one. Neighbouring pixels are alike, so each adds to a
-    // histogram of its own: no addition waits for the one before.
-    const WAYS: usize = 4;
-    let rows = || modulation.chunks(width).zip(valid.chunks(width)).step_by(PITCH);
-    let mut upper = [[0_u32; 256]; WAYS];
-    for (modulation, valid) in rows().flat_map(|(modulation, valid)| modulation.chunks(WAYS).zip(valid.chunks(WAYS))) {
-        for ((counts, modulation), &valid) in upper.iter_mut().zip(modulation).zip(valid) {
-            counts[usize::from(modulation.steps() >> 8)] += u32::from(valid);
-        }
-    }
-    let upper: [u32; 256] = std::array::from_fn(|byte| upper.iter().map(|counts| counts[byte]).sum());
-    let (byte, rank) = ranked(&upper, upper.iter().sum::<u32>() / 2)?;
-    let mut lower = [0_u32; 256];
-    for (modulation, &valid) in rows().flat_map(|(modulation, valid)| modulation.iter().zip(valid)) {
-        let is_near = valid && usize::from(modulation.steps() >> 8) == byte;
-        lower[usize::from(modulation.steps() & 0xff)] += u32::from(is_near);
-    }
-    ranked(&lower, rank).map(|(lower, _)| Modulation::from_steps((byte << 8 | lower) as u16))
-}
-
-/// The bin that holds the number of a rank, and its rank in the bin.
-pub(super) fn ranked(counts: &[u32], rank: u32) -> Option<(usize, u32)> {
-    let mut below = 0;
-    let place = counts.iter().position(|count| {
-        below += count;
-        below > rank
-    })?;
-    Some((place, rank + counts[place] - below))
-}
-
-/// Computes the sd of the pixels of a row.
-struct ScaleRow<'a> {
-    scale: &'a DeltaScale,
-    modulation: &'a [Modulation],
-    sd_turns: &'a mut [f32],
-}
-
-impl Kernel for ScaleRow<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
-        for (sd_turns, modulation) in self.sd_turns.iter_mut().zip(self.modulation) {
-            *sd_turns = self.scale.sd_turns(modulation.grey());
-        }
-    }
-}
-
-/// What the pixels of a row of C1 are searched with.
-#[derive(Clone, Debug, Default)]
-pub(super) struct SearchRow {
-    pub(super) segments: SegmentRow,
-    drift: DepthRow,
-    /// sd of δ of each pixel, turns.
-    pub(super) sd_turns: Vec<f32>,
-    v: usize,
-}
-
-impl SearchRow {
-    /// Loads row `v`.
-    pub(super) fn load_row(&mut self, scene: &Scene<'_>, scale: &DeltaScale, v: usize) {
-        let width = scene.cam1.width;
-        self.v = v;
-        scene.table.row(v, &mut self.segments);
-        scene.drift.along_row(v, width, &mut self.drift);
-        self.sd_turns.resize(width, 0.0);
-        let modulation = &scene.cam1.modulation[v * width..(v + 1) * width];
-        fringeflow_simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
-    }
-
-    /// The search of a pixel of the row.
-    pub(super) fn search<'a>(&self, scene: &Scene<'a>, reach: Reach, u: usize) -> PixelSearch<'a> {
-        PixelSearch::new(scene, reach, &self.segments, &self.drift, [u, self.v])
-    }
-
-    /// The row for the kernels over 32 pixels.
-    pub(super) fn block_row<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> kernels::Row<'a> {
-        let width = scene.cam1.width;
-        kernels::Row {
-            image: scene.cam2,
-            segments: &self.segments,
-            drift: &self.drift,
-            reach,
-            phase: &scene.cam1.phase[self.v * width..(self.v + 1) * width],
-            sd_turns: &self.sd_turns,
-        }
-    }
-}
-
-/// What the matching costs are computed from.
+/// Inputs of the matching costs.
 pub(super) struct CostInput<'a> {
     pub(super) scene: &'a Scene<'a>,
     /// The scene without the places of C2 known to show something outside the volume.
@@ -176,8 +43,9 @@ pub(super) struct CostInput<'a> {
 /// The matching costs of all pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct MatchingCosts {
-    /// Costs of all orders; those of pixel `i` start at `i · lanes`. Undefined for pixels without orders.
-    pub(super) costs: Vec<u8>,
+    /// Costs of all orders; those of pixel `i` start at `i · lanes`. Undefined for decided pixels and pixels without
+    /// orders.
+    pub(super) by_order: Vec<u8>,
     pub(super) best: Best,
     /// 1 if some order fits the pixel, or a surface gives one; else 0.
     pub(super) is_explained: Vec<u8>,
@@ -265,17 +133,23 @@ impl MatchingCosts {
         passing: &mut [u8],
     ) -> usize {
         let (lanes, reach, width) = (ranges.lanes, ranges.reach, scene.cam1.width.max(1));
-        self.costs.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
+        self.by_order.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
         bands::resize(&mut self.scratches, scene.cam1.height);
-        let of_band = BAND_ROWS * width;
-        let Best { place, least, second } = &mut self.best;
-        let best = place.par_chunks_mut(of_band).zip(least.par_chunks_mut(of_band)).zip(second.par_chunks_mut(of_band));
-        let ranges = ranges.first.par_chunks_mut(of_band).zip(ranges.count.par_chunks_mut(of_band));
-        let out = self.costs.par_chunks_mut(of_band * lanes).zip(passing.par_chunks_mut(of_band));
-        let scratches = self.is_explained.par_chunks_mut(of_band).zip(&mut self.scratches);
-        let bands = out.zip(best).zip(ranges).zip(selection.bands(of_band)).zip(scratches).enumerate();
-        bands.for_each(|(band, (((out, (first, count)), mut selected), (is_explained, scratch)))| {
-            let ((tile, passing), ((place, least), second)) = out;
+        let band_px = BAND_ROWS * width;
+        let bands = (
+            self.by_order.par_chunks_mut(band_px * lanes),
+            passing.par_chunks_mut(band_px),
+            self.best.place.par_chunks_mut(band_px),
+            self.best.least.par_chunks_mut(band_px),
+            self.best.second.par_chunks_mut(band_px),
+            ranges.first.par_chunks_mut(band_px),
+            ranges.count.par_chunks_mut(band_px),
+            selection.bands(band_px),
+            self.is_explained.par_chunks_mut(band_px),
+            &mut self.scratches,
+        );
+        bands.into_par_iter().enumerate().for_each(|(band, arrays)| {
+            let (tile, passing, place, least, second, first, count, mut selected, is_explained, scratch) = arrays;
             scratch.most = 0;
             for (i, pixels) in (0..count.len()).step_by(width).map(|begin| begin..begin + width).enumerate() {
                 let v = band * BAND_ROWS + i;
@@ -302,7 +176,7 @@ impl MatchingCosts {
                 surfaces.clear_minorities((v, width), selected.is_decided);
                 keep_within_ranges(first, count, &mut selected);
                 selected.fill_open(count, open_count);
-                let evidence = CostRow {
+                let cost_row = CostRow {
                     scene: open,
                     reach,
                     row,
@@ -316,10 +190,10 @@ impl MatchingCosts {
                     least: &mut least[pixels.clone()],
                     second: &mut second[pixels.clone()],
                 };
-                fringeflow_simd::run(Level::in_use(), evidence);
+                fringeflow_simd::run(Level::in_use(), cost_row);
                 mark_explained(open_count, orders, &least[pixels.clone()], &mut is_explained[pixels.clone()]);
                 let best = [&mut passing[pixels.clone()], &mut place[pixels.clone()], &mut least[pixels.clone()]];
-                enter_decided(first, &selected, best, &mut second[pixels]);
+                store_decided(first, &selected, best, &mut second[pixels]);
             }
         });
         self.scratches.iter().map(|scratch| scratch.most).max().unwrap_or(0)
@@ -327,7 +201,7 @@ impl MatchingCosts {
 }
 
 /// Keeps only those pixels decided whose order is in their range.
-fn keep_within_ranges(first: &[i16], count: &[u8], selected: &mut SelectedRow<'_>) {
+fn keep_within_ranges(first: &[i16], count: &[u8], selected: &mut SelectedPixels<'_>) {
     let width = count.len();
     let (absolute, first) = (&selected.absolute[..width], &first[..width]);
     let is_decided = &mut selected.is_decided[..width];
@@ -347,10 +221,10 @@ fn mark_explained(open_count: &[u8], orders: &[i16], least: &[u8], is_explained:
     }
 }
 
-/// Enters the decided pixels of a row in the summary of costs.
-fn enter_decided(
+/// Writes the decided pixels of a row into the summary of costs.
+fn store_decided(
     first: &[i16],
-    selected: &SelectedRow<'_>,
+    selected: &SelectedPixels<'_>,
     [passing, place, least]: [&mut [u8]; 3],
     second: &mut [u8],
 ) {
@@ -416,7 +290,7 @@ impl Kernel for CostRow<'_> {
 }
 
 impl CostRow<'_> {
-    /// Some of the 32 pixels from `begin` on, a bit each, one by one.
+    /// Computes the costs of some of the 32 pixels from `begin` on, a bit each, one by one.
     fn gather_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
             self.gather_pixel(begin + pixels.trailing_zeros() as usize);
@@ -424,6 +298,7 @@ impl CostRow<'_> {
         }
     }
 
+    /// Computes the costs of a pixel: the scalar form.
     fn gather_pixel(&mut self, u: usize) {
         let count = usize::from(self.count[u]);
         self.passing[u] = 0;
@@ -465,29 +340,6 @@ fn best_cost(search: &PixelSearch<'_>, order: i32, sd_turns: f32, costs: &CostTa
     best
 }
 
-/// Table of the matching cost by z.
-pub(super) struct CostTable {
-    /// The last is that of a missing candidate.
-    pub(super) of_step: [i32; Self::STEPS + 1],
-    /// An order whose cost is below this passes the back-projection test.
-    pub(super) limit: u8,
-}
-
-impl CostTable {
-    /// Number of steps with a cost of their own.
-    pub(super) const STEPS: usize = (MAX_Z * STEPS_PER_Z) as usize;
-
-    fn new() -> Self {
-        let of_step = std::array::from_fn(|step| {
-            let z = (step as f64 + 0.5) / f64::from(STEPS_PER_Z);
-            let nats = -((-f64::from(MISSING_NATS)).exp() + (-0.5 * z * z).exp()).ln();
-            let cost = (nats.max(0.0) * f64::from(UNITS_PER_NAT)).round() as i32;
-            if step < Self::STEPS { cost } else { i32::from(MISSING) }
-        });
-        Self { of_step, limit: of_step[(PASSING_Z * STEPS_PER_Z) as usize] as u8 }
-    }
-}
-
 #[cfg(test)]
 impl Best {
     /// Decides a pixel for the order in a place.
@@ -509,7 +361,7 @@ impl MatchingCosts {
             best.least.push(own.first().copied().unwrap_or(0));
             best.second.push(own.get(1).or(own.first()).copied().unwrap_or(0));
         }
-        Self { costs, best, ..Self::default() }
+        Self { by_order: costs, best, ..Self::default() }
     }
 }
 
@@ -519,7 +371,7 @@ mod tests {
     use crate::correspondence::semi_global::test_scene::TestScene;
 
     #[test]
-    fn evidence_of_many_pixels_is_that_of_each_at_every_level() {
+    fn matching_costs_of_many_pixels_are_those_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, costs, width) = (DeltaScale::from_scene(&scene), CostTable::new(), scene.cam1.width);
@@ -570,19 +422,6 @@ mod tests {
             }
         }
         assert!(known > 20_000, "{known}");
-    }
-
-    #[test]
-    fn the_median_modulation_is_that_of_sorting() {
-        for count in [0, 1, 2, 7, 1000, 1001] {
-            let modulation: Vec<Modulation> =
-                (0..count).map(|i: u32| Modulation::from_steps((i * 40_503 % 5003) as u16)).collect();
-            let valid: Vec<bool> = (0..count).map(|i| i % 3 != 1).collect();
-            let mut lit: Vec<Modulation> =
-                modulation.iter().zip(&valid).filter(|(_, valid)| **valid).map(|(m, _)| *m).collect();
-            lit.sort();
-            assert_eq!(median_modulation(&modulation, &valid, 1001), lit.get(lit.len() / 2).copied());
-        }
     }
 
     #[test]

@@ -2,14 +2,14 @@
 //!
 //! The paper decides pixel by pixel from decided neighbours, which fails where these are too few. Here whole surfaces
 //! give most orders (see [`super::surfaces`]), and one check per pixel confirms them. For every other pixel each
-//! possible order gets a matching cost. The orders of the whole image are chosen so that costs and Eq. (2) agree best,
-//! Eq. (2) saying that neighbours on one surface share the absolute phase. This is the cost of stereo matching,
+//! possible order gets a matching cost. The orders of the whole image are chosen so that the sum of all costs is small
+//! and neighbours agree by Eq. (2): on one surface the absolute phase continues. As in stereo matching, the sum is
 //! minimized along straight paths (Hirschmüller 2008, "Stereo Processing by Semiglobal Matching and Mutual
 //! Information"). An order continues freely wherever the wrapped phase does, and changes there at a price. Where the
 //! wrapped phase jumps, neighbours are independent.
 //!
-//! 1. *order ranges*: the possible orders of each pixel, on a segment that reaches beyond the volume: otherwise a wrong
-//!    order within would explain what lies behind it;
+//! 1. *order ranges*: the possible orders of each pixel, on a segment that reaches beyond the volume: otherwise a
+//!    surface behind the volume would get a wrong order within;
 //! 2. *confirm*: a pixel with a candidate at the order of its surface is decided; *matching cost* of the others: how
 //!    well the best candidate of each order passes the back-projection test about the drift, in places of C2 that are
 //!    not known to show something outside the volume; *unexplained*: where no order fits in a whole neighbourhood, the
@@ -26,12 +26,14 @@
 //! Time and memory are the same for every image of a rig: no step is iterated until it converges.
 
 mod confidence;
+mod cost_table;
 mod grounds;
 mod kernels;
 mod links;
 mod matching_cost;
 mod order_ranges;
 mod paths;
+mod search_row;
 mod selection;
 mod strips;
 #[cfg(test)]
@@ -41,57 +43,23 @@ mod verification;
 
 use fringeflow_base::outcome::Outcome;
 
-use crate::phase::PhaseMap;
-
-use super::chosen::ChosenCandidates;
-use super::drift::Drift;
 use super::epipolar_image::EpipolarImage;
 use super::pool::Pool;
+use super::scene::Scene;
 use super::segment::SegmentRow;
-use super::segment_table::SegmentTable;
-use super::surfaces;
 use super::view::View;
-use super::{bands, claims, explanation, places, regions};
+use super::{explanation, surfaces};
 
 pub use confidence::{CONFIDENCE_TERMS, Confidence};
 pub use grounds::Grounds;
 
-use matching_cost::{DeltaScale, MatchingCosts};
+use matching_cost::MatchingCosts;
 use order_ranges::OrderRanges;
-pub(super) use order_ranges::Reach;
-use paths::{PathScratch, Verdicts};
+use paths::{PathOrders, PathScratch};
+use search_row::DeltaScale;
 use selection::Selection;
 use verification::VerificationScratch;
-
-/// Costs are whole numbers in steps of 1/20 nat.
-const UNITS_PER_NAT: f32 = 20.0;
-
-/// What the resolution reads.
-#[derive(Clone, Copy)]
-pub(super) struct Scene<'a> {
-    pub(super) cam1: &'a PhaseMap,
-    pub(super) cam2: &'a EpipolarImage,
-    pub(super) table: &'a SegmentTable,
-    pub(super) drift: &'a Drift,
-}
-
-/// Decisions about all pixels of C1, row by row. The vectors are filled anew.
-pub(super) struct Decisions<'a> {
-    pub(super) outcomes: &'a mut Vec<Outcome>,
-    pub(super) chosen: &'a mut ChosenCandidates,
-    /// Orders of each pixel that pass the back-projection test about the drift.
-    pub(super) passing: &'a mut Vec<u8>,
-    /// Probability that each point is true.
-    pub(super) confidence: &'a mut Vec<Confidence>,
-}
-
-/// Limits that a point must reach.
-pub(super) struct Limits {
-    /// Pixels of a region of continuous absolute phase.
-    pub(super) min_region_px: u32,
-    /// Probability of being true.
-    pub(super) min_confidence: f32,
-}
+pub(super) use verification::{Decisions, Limits};
 
 /// Scratch memory, kept from image to image: a hundred megabytes for a megapixel.
 #[derive(Clone, Debug, Default)]
@@ -102,9 +70,9 @@ pub(super) struct Scratch {
     /// C2 without the places known to show something outside the volume.
     open: EpipolarImage,
     ranges: OrderRanges,
-    evidence: MatchingCosts,
+    matching_costs: MatchingCosts,
     paths: PathScratch,
-    verdicts: Verdicts,
+    path_orders: PathOrders,
     selection: Selection,
     verification: VerificationScratch,
     segments: Pool<SegmentRow>,
@@ -119,8 +87,18 @@ impl Scratch {
         decisions: &mut Decisions<'_>,
         grounds: Option<&mut Vec<Grounds>>,
     ) {
-        let Self { surfaces, outside, open, ranges, evidence, paths, verdicts, selection, verification, segments } =
-            self;
+        let Self {
+            surfaces,
+            outside,
+            open,
+            ranges,
+            matching_costs,
+            paths,
+            path_orders,
+            selection,
+            verification,
+            segments,
+        } = self;
         let scale = DeltaScale::from_scene(scene);
         let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
         let near_px = ranges.near_px(scene.table);
@@ -129,12 +107,12 @@ impl Scratch {
         let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
         ranges.prepare(scene, far.is_very_far);
         let input = matching_cost::CostInput { scene, open: &open, scale: &scale, surfaces, outside };
-        evidence.gather(&input, ranges, selection, decisions.passing);
-        unexplained::close(scene.cam1.width.max(1), &evidence.is_explained, &mut ranges.count);
-        paths::least_costs(scene.cam1, ranges, evidence, paths, verdicts);
-        selection.select(&open, ranges, &scale, &verdicts.order);
-        let decided = verification::PathDecisions { verdicts, surfaces };
-        verification::verify(scene, selection, &decided, limits, verification, decisions, grounds);
+        matching_costs.gather(&input, ranges, selection, decisions.passing);
+        unexplained::remove_orders(scene.cam1.width.max(1), &matching_costs.is_explained, &mut ranges.count);
+        paths::least_costs(scene.cam1, ranges, matching_costs, paths, path_orders);
+        selection.select(&open, ranges, &scale, &path_orders.order);
+        let input = verification::VerificationInput { path_orders, surfaces };
+        verification::verify(scene, selection, &input, limits, verification, decisions, grounds);
         for (outcome, _) in decisions.outcomes.iter_mut().zip(&*outside).filter(|(_, outside)| **outside) {
             *outcome = Outcome::OutsideVolume;
         }

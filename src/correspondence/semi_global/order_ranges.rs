@@ -6,19 +6,20 @@ use crate::correspondence::fingerprint::Fingerprint;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::segment_table::SegmentTable;
 
-use super::Scene;
+use crate::correspondence::pixel_search::Reach;
+use crate::correspondence::scene::Scene;
 
 /// How far the search reaches beyond the volume on either side: half the mean length of a segment; more if that holds
-/// fewer orders than [`ORDERS_BEYOND`], but at most its length. What stands behind a shallow volume is few orders away.
-/// On segments with hardly more than one order, orders need not be told apart.
+/// fewer orders than [`ORDERS_BEYOND`], but at most its length. Surfaces behind a shallow volume are only a few orders
+/// away. Segments with fewer than [`FEW_ORDERS`] need no more: there are hardly any orders to confuse.
 const BEYOND_VOLUME: f32 = 0.5;
 const ORDERS_BEYOND: f32 = 9.0;
 const FEW_ORDERS: f32 = 2.0;
-/// The same, in lengths of a segment, if part of the scene lies far beyond the volume.
+/// Reach beyond the volume, in lengths of a segment, if part of the scene lies far beyond it.
 const FAR_BEYOND_VOLUME: f32 = 6.0;
 /// Distance of the pixels of C1 from which the mean number of orders is taken.
 const STRIDE: usize = 97;
-/// Turns by which a range is wider than its segment, so that it holds the order of a candidate at the end.
+/// Turns by which a range is wider than its segment, so that it contains the order of a candidate at its end.
 const DELTA_MARGIN_TURNS: f32 = 0.25;
 /// Orders handled at a time.
 pub(super) const LANE_STEP: usize = 8;
@@ -41,18 +42,9 @@ pub(super) struct OrderRanges {
     near: Option<(Fingerprint, f32)>,
 }
 
-/// How far candidates are sought.
-#[derive(Clone, Copy, Debug, Default)]
-pub(in crate::correspondence) struct Reach {
-    /// Reach beyond the volume, pixels of the epipolar frame.
-    pub(super) beyond_px: f32,
-    /// Last column of the epipolar frame, pixels.
-    pub(super) last_column_px: f32,
-}
-
 impl OrderRanges {
-    /// Prepares for a scene. What depends on table and reach alone is computed once. Some pixel may have more orders
-    /// than `lanes`; see [`Self::grow`].
+    /// Prepares for a scene. `lanes` and `reach` are computed once per table. Some pixel may have more orders than
+    /// `lanes`; see [`Self::grow`].
     pub(super) fn prepare(&mut self, scene: &Scene<'_>, looks_far: bool) {
         self.first.resize(scene.cam1.phase.len(), 0);
         self.count.resize(scene.cam1.phase.len(), 0);
@@ -88,14 +80,6 @@ impl OrderRanges {
     /// Grows `lanes` to this number of orders.
     pub(super) fn grow(&mut self, orders: usize) {
         self.lanes = self.lanes.max(orders.div_ceil(LANE_STEP).max(1) * LANE_STEP);
-    }
-}
-
-impl Reach {
-    /// First and last column at which candidates of a segment are sought, pixels.
-    #[inline(always)]
-    pub(in crate::correspondence) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
-        [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
     }
 }
 
@@ -142,7 +126,7 @@ impl Kernel for OrderRangeRow<'_> {
         if all_fit {
             return;
         }
-        // Beyond the volume Φ may reach its pole. Such pixels get the orders around their segment proper.
+        // Beyond the volume Φ may reach its pole. Such pixels get the orders around the segment without its extensions.
         for u in 0..width {
             let (coefficients, phase_turns) = ([a[u], b[u], d[u]], f32::from(phase[u]) / 65536.0);
             let (least, most) = orders(reach.limits_px([begin[u], end[u]]), reference[u], coefficients, phase_turns);
@@ -185,7 +169,7 @@ fn mean_orders(table: &SegmentTable) -> f32 {
     (sum / count.max(1.0)).max(1.0)
 }
 
-/// The most orders of the sampled pixels, whatever their phase; a pixel may have one more.
+/// The most orders of the sampled pixels, independent of their phase; a pixel may have one more.
 fn usual_orders(table: &SegmentTable, reach: Reach) -> usize {
     let of_pixel = |pixel: usize| {
         let segment = table.segment(pixel);

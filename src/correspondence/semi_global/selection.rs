@@ -2,28 +2,32 @@
 //!
 //! The order is decided by many pixels together, so its candidate may err by more than the threshold: by noise beyond
 //! 3·sd, in a pixel that mixes two surfaces, or at a rim between two columns. Verification decides whether it stays.
+//!
+//! The selected candidates are stored array by array. Their parts have types of their own:
+//!
+//! | type | pixels | access |
+//! |---|---|---|
+//! | [`Selection`] | the image | owner |
+//! | [`SelectedBand`] | a band of rows, with their places in C2 | written in parallel |
+//! | [`SelectedPixels`] | consecutive pixels: of a band, or of one row | written |
+//! | [`SelectedBlock`] | 32 pixels of a row, for the kernels | written |
+//! | [`BlockScratch`] | 32 pixels | scratch, from which some pixels are copied |
+//! | [`CandidateRow`] | a row | read |
 
 use rayon::prelude::*;
 
-use super::Scene;
-use super::bands::{self, BAND_ROWS};
-use super::kernels::{self, SelectionScratch};
-use super::matching_cost::{DeltaScale, SearchRow, ranked};
-use super::order_ranges::{OrderRanges, Reach};
-use super::places::{PlaceRow, Places};
+use super::kernels::{self, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock, SelectionScratch};
+use super::order_ranges::OrderRanges;
+use super::search_row::{DeltaScale, SearchRow, ranked};
+use crate::correspondence::bands::{self, BAND_ROWS};
 use crate::correspondence::candidates::Candidate;
 use crate::correspondence::kernels::{BLOCK, block_of_mut};
-pub(super) use crate::correspondence::neighbourhood::ABSENT;
-use crate::correspondence::neighbourhood::TURN;
-use crate::correspondence::pixel_search::PixelSearch;
+use crate::correspondence::neighbourhood::{ABSENT, TURN};
+use crate::correspondence::pixel_search::{PixelSearch, Reach};
+use crate::correspondence::places::{PlaceRow, Places};
+use crate::correspondence::scene::Scene;
 use crate::correspondence::surfaces::NO_ORDER;
 use fringeflow_simd::{Kernel, Lanes, Level};
-
-/// Largest |δ − drift| of a selected candidate: turns (18°), or this many sd if that is more.
-pub(super) const REACH_TURNS: f32 = 0.05;
-pub(super) const REACH_SD: f32 = 6.0;
-/// Columns beside an interval in which a surface may have its rim.
-pub(super) const RIM_COLUMNS: usize = 1;
 
 /// The selected candidates of all pixels, and how well they fit.
 #[derive(Clone, Debug, Default)]
@@ -35,11 +39,11 @@ pub(super) struct Selection {
     pub(super) z: Vec<f32>,
     pub(super) delta: Vec<i16>,
     pub(super) slope: Vec<i16>,
-    /// Whether it lies in the measurement volume.
+    /// Whether the candidate lies in the measurement volume.
     pub(super) in_volume: Vec<bool>,
-    /// Whether the order of its surface was confirmed.
+    /// Whether the pixel was decided: the order of its surface was confirmed.
     pub(super) is_decided: Vec<bool>,
-    /// Its place in C2.
+    /// Places of the candidates in C2.
     pub(super) places: Places,
     scratches: Vec<RowScratch>,
     /// Scratch for the median of z.
@@ -75,7 +79,7 @@ impl Selection {
         bands::resize(&mut scratches, scene.cam1.height);
         let bands = self.bands(BAND_ROWS * width).zip(&mut scratches).enumerate();
         bands.for_each(|(band, (mut selected, RowScratch { row, open_count }))| {
-            for i in 0..selected.absolute.len() / width {
+            for i in 0..selected.pixels.absolute.len() / width {
                 let v = band * BAND_ROWS + i;
                 row.load_row(scene, scale, v);
                 let pixels = v * width..(v + 1) * width;
@@ -95,16 +99,21 @@ impl Selection {
     /// Splits into bands of this many pixels.
     pub(super) fn bands(&mut self, pixels: usize) -> impl IndexedParallelIterator<Item = SelectedBand<'_>> {
         let Self { absolute, column_px, z, delta, slope, in_volume, is_decided, places, .. } = self;
-        let Places { of_pixels, nearness } = places;
-        let of_columns = absolute.par_chunks_mut(pixels).zip(column_px.par_chunks_mut(pixels));
-        let fits = z.par_chunks_mut(pixels).zip(delta.par_chunks_mut(pixels));
-        let rest = slope.par_chunks_mut(pixels).zip(in_volume.par_chunks_mut(pixels));
-        let places = of_pixels.par_chunks_mut(pixels).zip(nearness.par_chunks_mut(pixels));
-        let bands = of_columns.zip(fits).zip(rest).zip(is_decided.par_chunks_mut(pixels)).zip(places);
-        bands.map(|(((((absolute, column_px), (z, delta)), (slope, in_volume)), is_decided), places)| {
-            let (of_pixels, nearness) = places;
-            let places = PlaceRow { of_pixels, nearness };
-            SelectedBand { absolute, column_px, z, delta, slope, in_volume, is_decided, places }
+        let arrays = (
+            absolute.par_chunks_mut(pixels),
+            column_px.par_chunks_mut(pixels),
+            z.par_chunks_mut(pixels),
+            delta.par_chunks_mut(pixels),
+            slope.par_chunks_mut(pixels),
+            in_volume.par_chunks_mut(pixels),
+            is_decided.par_chunks_mut(pixels),
+            places.of_pixels.par_chunks_mut(pixels),
+            places.nearness.par_chunks_mut(pixels),
+        );
+        let bands = arrays.into_par_iter();
+        bands.map(|(absolute, column_px, z, delta, slope, in_volume, is_decided, of_pixels, nearness)| SelectedBand {
+            pixels: SelectedPixels { absolute, column_px, z, delta, slope, in_volume, is_decided },
+            places: PlaceRow { of_pixels, nearness },
         })
     }
 
@@ -158,7 +167,7 @@ impl Selection {
     }
 }
 
-/// The selected candidates of a row, read only.
+/// The selected candidates of a row, to be read.
 pub(super) struct CandidateRow<'a> {
     pub(super) absolute: &'a [i32],
     column_px: &'a [f32],
@@ -177,38 +186,33 @@ impl CandidateRow<'_> {
     }
 }
 
-/// The selected candidates of some rows, to be written.
+/// The selected candidates of a band of rows and their places in C2, to be written.
 pub(super) struct SelectedBand<'a> {
-    pub(super) absolute: &'a mut [i32],
-    column_px: &'a mut [f32],
-    z: &'a mut [f32],
-    delta: &'a mut [i16],
-    slope: &'a mut [i16],
-    in_volume: &'a mut [bool],
-    is_decided: &'a mut [bool],
+    pixels: SelectedPixels<'a>,
     places: PlaceRow<'a>,
 }
 
 impl SelectedBand<'_> {
     /// A row of the band.
-    pub(super) fn row(&mut self, row: usize, width: usize) -> (SelectedRow<'_>, PlaceRow<'_>) {
+    pub(super) fn row(&mut self, row: usize, width: usize) -> (SelectedPixels<'_>, PlaceRow<'_>) {
         let here = row * width..(row + 1) * width;
-        let selected = SelectedRow {
-            absolute: &mut self.absolute[here.clone()],
-            column_px: &mut self.column_px[here.clone()],
-            z: &mut self.z[here.clone()],
-            delta: &mut self.delta[here.clone()],
-            slope: &mut self.slope[here.clone()],
-            in_volume: &mut self.in_volume[here.clone()],
-            is_decided: &mut self.is_decided[here.clone()],
+        let band = &mut self.pixels;
+        let selected = SelectedPixels {
+            absolute: &mut band.absolute[here.clone()],
+            column_px: &mut band.column_px[here.clone()],
+            z: &mut band.z[here.clone()],
+            delta: &mut band.delta[here.clone()],
+            slope: &mut band.slope[here.clone()],
+            in_volume: &mut band.in_volume[here.clone()],
+            is_decided: &mut band.is_decided[here.clone()],
         };
         let PlaceRow { of_pixels, nearness } = &mut self.places;
         (selected, PlaceRow { of_pixels: &mut of_pixels[here.clone()], nearness: &mut nearness[here] })
     }
 }
 
-/// The selected candidates of a row, to be written.
-pub(super) struct SelectedRow<'a> {
+/// The selected candidates of consecutive pixels, to be written.
+pub(super) struct SelectedPixels<'a> {
     pub(super) absolute: &'a mut [i32],
     column_px: &'a mut [f32],
     pub(super) z: &'a mut [f32],
@@ -218,19 +222,9 @@ pub(super) struct SelectedRow<'a> {
     pub(super) is_decided: &'a mut [bool],
 }
 
-/// The selected candidates of a block, to be written.
-pub(super) struct SelectedBlock<'a> {
-    pub(super) absolute: &'a mut [i32; BLOCK],
-    pub(super) column_px: &'a mut [f32; BLOCK],
-    pub(super) z: &'a mut [f32; BLOCK],
-    pub(super) delta: &'a mut [i16; BLOCK],
-    pub(super) slope: &'a mut [i16; BLOCK],
-    pub(super) in_volume: &'a mut [bool; BLOCK],
-}
-
-/// Scratch for a block from which only some pixels are taken.
+/// The selected candidates of a block of which only some pixels are copied.
 #[derive(Default)]
-struct FoundBlock {
+struct BlockScratch {
     absolute: [i32; BLOCK],
     column_px: [f32; BLOCK],
     z: [f32; BLOCK],
@@ -239,15 +233,15 @@ struct FoundBlock {
     in_volume: [bool; BLOCK],
 }
 
-impl FoundBlock {
+impl BlockScratch {
     #[inline(always)]
-    fn block(&mut self) -> SelectedBlock<'_> {
+    fn as_block(&mut self) -> SelectedBlock<'_> {
         let Self { absolute, column_px, z, delta, slope, in_volume } = self;
         SelectedBlock { absolute, column_px, z, delta, slope, in_volume }
     }
 }
 
-impl SelectedRow<'_> {
+impl SelectedPixels<'_> {
     /// Confirms the order of each pixel, [`NO_ORDER`] standing for none. A pixel is decided if its candidate fits.
     pub(super) fn confirm(&mut self, row: kernels::Row<'_>, orders: &[i16]) {
         self.absolute.fill(ABSENT);
@@ -279,7 +273,7 @@ struct ConfirmRow<'a, 'b, 'c> {
     row: kernels::Row<'a>,
     /// Orders of the pixels, padded to whole blocks.
     orders: &'a [i16],
-    out: &'b mut SelectedRow<'c>,
+    out: &'b mut SelectedPixels<'c>,
 }
 
 impl Kernel for ConfirmRow<'_, '_, '_> {
@@ -309,7 +303,7 @@ struct SelectionRow<'a, 'b> {
     phase: &'a [u16],
     count: &'a [u8],
     order: &'a [i16],
-    out: &'a mut SelectedRow<'b>,
+    out: &'a mut SelectedPixels<'b>,
 }
 
 impl Kernel for SelectionRow<'_, '_> {
@@ -319,14 +313,13 @@ impl Kernel for SelectionRow<'_, '_> {
     fn run<L: Lanes>(mut self, level: L) {
         let row = self.row.block_row(self.scene, self.reach);
         let (orders, counts) = (self.order.as_chunks().0, self.count.as_chunks().0);
-        let (mut scratch, mut found) = (SelectionScratch::new(level), FoundBlock::default());
+        let (mut scratch, mut found) = (SelectionScratch::new(level), BlockScratch::default());
         for (block, (order, count)) in orders.iter().zip(counts).enumerate() {
             let begin = block * BLOCK;
-            // The kernel selects for all 32 pixels; those that are already decided, or irregular, are not taken from
-            // it.
+            // The kernel selects for all 32 pixels. Those that are decided already, or irregular, are not copied.
             let Some(mut of_block) = row.block(level, begin, count) else { continue };
-            of_block.select(order, &mut scratch, &mut found.block());
-            self.take(begin, of_block.regular(), &found);
+            of_block.select(order, &mut scratch, &mut found.as_block());
+            self.copy_pixels(begin, of_block.regular(), &found);
             self.select_pixels(begin, of_block.irregular());
         }
         (counts.len() * BLOCK..self.count.len()).for_each(|u| self.select_pixel(u));
@@ -335,7 +328,7 @@ impl Kernel for SelectionRow<'_, '_> {
 
 impl SelectionRow<'_, '_> {
     /// Copies some of the 32 pixels from `begin` on, a bit each.
-    fn take(&mut self, begin: usize, mut pixels: u32, found: &FoundBlock) {
+    fn copy_pixels(&mut self, begin: usize, mut pixels: u32, found: &BlockScratch) {
         let out = &mut *self.out;
         while pixels != 0 {
             let k = pixels.trailing_zeros() as usize;
@@ -349,7 +342,7 @@ impl SelectionRow<'_, '_> {
         }
     }
 
-    /// Some of the 32 pixels from `begin` on, a bit each, one by one.
+    /// Selects for some of the 32 pixels from `begin` on, a bit each, one by one.
     fn select_pixels(&mut self, begin: usize, mut pixels: u32) {
         while pixels != 0 {
             self.select_pixel(begin + pixels.trailing_zeros() as usize);
@@ -357,6 +350,7 @@ impl SelectionRow<'_, '_> {
         }
     }
 
+    /// Selects for a pixel: the scalar form.
     fn select_pixel(&mut self, u: usize) {
         if self.count[u] == 0 {
             return;
@@ -415,11 +409,11 @@ mod tests {
     type Selected = Option<(i32, [u32; 2], [i16; 2], bool)>;
 
     /// The selected candidates of the pixels of a row.
-    fn selected(width: usize, select: impl Fn(&mut SelectedRow<'_>)) -> Vec<Selected> {
+    fn selected(width: usize, select: impl Fn(&mut SelectedPixels<'_>)) -> Vec<Selected> {
         let (mut absolute, mut in_volume) = (vec![0; width], vec![false; width]);
         let ([mut column_px, mut z], [mut delta, mut slope]) =
             ([vec![0.0; width], vec![0.0; width]], [vec![0; width], vec![0; width]]);
-        select(&mut SelectedRow {
+        select(&mut SelectedPixels {
             absolute: &mut absolute,
             column_px: &mut column_px,
             z: &mut z,
@@ -440,20 +434,20 @@ mod tests {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
-        let (mut ranges, mut evidence, mut row) =
+        let (mut ranges, mut matching_costs, mut row) =
             (OrderRanges::default(), MatchingCosts::default(), SearchRow::default());
         let outside = vec![false; scene.cam1.phase.len()];
         ranges.prepare(&scene, false);
         let surfaces = &test_scene.surfaces();
         let input = CostInput { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
-        evidence.gather(&input, &mut ranges, &mut Selection::default(), &mut Vec::new());
+        matching_costs.gather(&input, &mut ranges, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (ranges.reach, 0);
         for v in 0..scene.cam1.height {
             row.load_row(&scene, &scale, v);
             let pixels = v * width..(v + 1) * width;
             let (count, phase) = (&ranges.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
-            let best = evidence.best.row(pixels.clone()).place;
-            // The best order of most pixels, that beside it of some.
+            let best = matching_costs.best.row(pixels.clone()).place;
+            // The best order of most pixels, the next one of some.
             let order: Vec<i16> = (0..width)
                 .map(|u| ranges.first[pixels.start + u] + i16::from(best[u]) + i16::from((u + v) % 7 == 0))
                 .collect();
@@ -473,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn what_one_look_decides_is_the_candidate_of_its_order_at_every_level() {
+    fn a_confirmed_pixel_has_the_candidate_of_its_order_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
         let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);

@@ -18,10 +18,10 @@ use crate::correspondence::surfaces;
 /// Fewest pixels of a region with a meaningful shape.
 const MIN_PIXELS: f64 = 10.0;
 /// R² and sd of z beyond which δ runs through a region. True regions have R² up to 0.3, and an sd of one unless the
-/// drift follows them badly.
+/// drift fits them badly.
 const MIN_R2: f64 = 0.45;
 const MIN_SD: f64 = 1.33;
-/// The same if the phase continues beyond both sides.
+/// Smaller limits suffice if the phase continues beyond both sides.
 const MIN_R2_OF_OPEN: f64 = 0.3;
 const MIN_SD_OF_OPEN: f64 = 1.05;
 /// Share of the ends on a side beyond which the phase continues.
@@ -103,7 +103,7 @@ impl Moments {
         self.zz += square;
         self.ends = self.ends.map(|ends| ends + 1.0);
         for (open, end) in self.open.iter_mut().zip([run.pixels().start, run.pixels().end]) {
-            *open += f64::from(u8::from(surfaces.runs_on(row, end)));
+            *open += f64::from(u8::from(surfaces.continues_to(row, end)));
         }
     }
 

@@ -5,9 +5,9 @@ use crate::correspondence::{DeltaHistogram, DeltaStatistics, ResolutionSettings,
 use crate::geometry::{MeasurementVolume, Point3, Pose};
 use crate::phase::{AbsolutePhase, Modulation, PhaseMap};
 
-use super::Scene;
 use crate::correspondence::drift::{Drift, DriftScratch, estimate_drift};
 use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::scene::Scene;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces;
 use crate::correspondence::test_random::random;

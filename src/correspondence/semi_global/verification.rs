@@ -9,7 +9,7 @@
 //!     support = neighbours within 1 and 3 pixels whose absolute phases continue that of the pixel
 //!     hidden = a point nearer to C2 has its place there with another order
 //!     confidence = model(margin, z, support, hidden; size, lead and hidden share of its region)
-//! keep a pixel if it is confident enough, and no strip in the volume; drop small regions of what is left
+//! keep a pixel if it is confident enough, and no strip in the volume; drop small regions of the remaining pixels
 //! ```
 //!
 //! Why each step:
@@ -19,7 +19,7 @@
 //!   and another order would fit nearly as well.
 //! - A region through which δ runs, rather than scatters about zero, is a *strip* of a surface that lies elsewhere.
 //! - One place of C2 serves one order (paper, 2.2.3). A region that loses a good part of its places to better founded
-//!   ones is wrong: C2 sees those there.
+//!   ones is wrong: C2 sees the others there.
 //! - The regions that stand are the ground on which each pixel is judged (*grounds*, *confidence*), including pixels of
 //!   other regions: at borders true candidates err by more than noise and fall out of their regions.
 
@@ -27,36 +27,38 @@ use rayon::prelude::*;
 
 use fringeflow_base::outcome::Outcome;
 
+use crate::correspondence::bands::{self, BAND_ROWS};
+use crate::correspondence::chosen::ChosenCandidates;
+use crate::correspondence::claims::{Claim, Claims};
+use crate::correspondence::neighbourhood::ABSENT;
+use crate::correspondence::regions::Regions;
+use crate::correspondence::scene::Scene;
 use crate::correspondence::surfaces;
 use crate::phase::PhaseMap;
 
-use super::bands::{self, BAND_ROWS};
-use super::claims::{Claim, Claims};
 use super::confidence::{Confidence, GroundsRow, RegionGrounds, TABLES, confidences, margin_nats};
+use super::cost_table::{PASSING_Z, UNITS_PER_NAT};
 use super::grounds::{Grounds, Surroundings};
-use super::matching_cost::PASSING_Z;
-use super::paths::{PATHS, Verdicts};
-use super::regions::Regions;
-use super::selection::{ABSENT, Selection};
+use super::paths::{PATHS, PathOrders};
+use super::selection::Selection;
 use super::strips::Strips;
-use super::{Decisions, Limits, Scene, UNITS_PER_NAT};
 use crate::correspondence::runs::Run;
 
 /// Largest difference of z between neighbours in one region.
 const MAX_Z_STEP: f32 = 5.0;
 /// Least lead of a region over other orders, nats per path. The variance of its z may then be 1, that of a normal
-/// error, and 1 more for every [`LEAD_NATS_PER_VARIANCE`] beyond, up to a bound. A surface apart from the others may be
-/// off by what no drift follows, which exceeds noise the more, the more images a phase is of (variances between 4.0 and
-/// 4.5 measured); a part of a board within had 4.95.
+/// error, and 1 more for every [`LEAD_NATS_PER_VARIANCE`] beyond, up to a bound. A surface apart from the others may
+/// have an error that no drift models. The more images a phase has, the more this error exceeds noise: variances of 4.0
+/// to 4.5 were measured. A part of a board, found at a wrong place within the volume, had 4.95.
 const MIN_LEAD_NATS: f32 = 3.1;
 const LEAD_NATS_PER_VARIANCE: f32 = 2.0;
 const MAX_VARIANCE: f32 = 4.5;
-/// With this lead the variance of z may be larger, and the region is no strip: motion moves δ by more than the noise of
-/// the rest, on small bodies above all. Measured over boards, gratings and bodies at rest and up to 0.5 mm per image:
-/// right regions with variances up to 8 have at least 8.6 nats per path. The lead alone is not enough: a strip of a board
-/// 40 mm behind the volume leads by 11, with a variance of 4.7, and is as large as the body before it. So the region must
-/// be small beside the regions that δ supports, with a bounded variance. Where the phase moves far during the window, δ
-/// supports little, and the lead alone must do.
+/// With this lead the variance of z may be larger, and the region is no strip: motion moves δ by more than noise, above
+/// all on small bodies. Measured over boards, gratings and bodies at rest and up to 0.5 mm per image: right regions
+/// with variances up to 8 have at least 8.6 nats per path. The lead alone is not enough: a strip of a board 40 mm
+/// behind the volume leads by 11, with a variance of 4.7, and is as large as the body before it. So the region must be
+/// small compared with the regions that δ supports, and its variance is bounded. Where the phase moves far during the
+/// window, δ supports few regions, and the lead alone decides.
 const SURE_LEAD_NATS: f32 = 8.5;
 const SURE_VARIANCE: f32 = 12.0;
 const SURE_MOTION_RAD: f32 = 1.5;
@@ -74,6 +76,24 @@ const DOUBT_NATS: f32 = 0.6;
 /// Share of its places that a region may lose to better founded ones.
 const MAX_LOST_SHARE: f64 = 0.3;
 
+/// Decisions about all pixels of C1, row by row. The old contents of the vectors do not matter.
+pub(in crate::correspondence) struct Decisions<'a> {
+    pub(in crate::correspondence) outcomes: &'a mut Vec<Outcome>,
+    pub(in crate::correspondence) chosen: &'a mut ChosenCandidates,
+    /// Orders of each pixel that pass the back-projection test about the drift.
+    pub(in crate::correspondence) passing: &'a mut Vec<u8>,
+    /// Probability that each point is true.
+    pub(in crate::correspondence) confidence: &'a mut Vec<Confidence>,
+}
+
+/// Limits that a point must reach.
+pub(in crate::correspondence) struct Limits {
+    /// Pixels of a region of continuous absolute phase.
+    pub(in crate::correspondence) min_region_px: u32,
+    /// Probability of being true.
+    pub(in crate::correspondence) min_confidence: f32,
+}
+
 /// Scratch memory for the verification.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VerificationScratch {
@@ -87,8 +107,8 @@ pub(super) struct VerificationScratch {
     wide_support: Vec<u8>,
     is_hidden: Vec<bool>,
     scratches: Vec<ConfidenceScratch>,
-    /// Regions of the pixels that are left.
-    left: Regions,
+    /// Regions of the pixels that remain.
+    remaining: Regions,
 }
 
 /// Quantities of each region.
@@ -96,7 +116,7 @@ pub(super) struct VerificationScratch {
 struct RegionScratch {
     /// Mean lead of the decided orders over the next best ones, nats per path.
     leads_nats: Vec<f32>,
-    /// The same, with a handicap for regions that δ does not support.
+    /// Mean lead, with a handicap for regions that δ does not support.
     foundations_nats: Vec<f32>,
     /// Why it does not stand; `None` if it does.
     verdicts: Vec<Option<Outcome>>,
@@ -113,18 +133,18 @@ struct ConfidenceScratch {
     log_odds: Vec<f32>,
 }
 
-/// The decisions of the paths.
-pub(super) struct PathDecisions<'a> {
-    pub(super) verdicts: &'a Verdicts,
+/// Inputs of the verification besides scene and selection.
+pub(super) struct VerificationInput<'a> {
+    pub(super) path_orders: &'a PathOrders,
     /// Where the wrapped phase continues.
     pub(super) surfaces: &'a surfaces::Scratch,
 }
 
-/// Decides every pixel. Selected candidates that do not stay become absent. Writes the grounds if asked for.
+/// Decides every pixel. Rejected candidates become absent. Also writes the grounds, if a vector is given.
 pub(super) fn verify(
     scene: &Scene<'_>,
     selection: &mut Selection,
-    &PathDecisions { verdicts, surfaces }: &PathDecisions<'_>,
+    &VerificationInput { path_orders, surfaces }: &VerificationInput<'_>,
     limits: &Limits,
     scratch: &mut VerificationScratch,
     decisions: &mut Decisions<'_>,
@@ -132,7 +152,7 @@ pub(super) fn verify(
 ) {
     let width = scene.cam1.width.max(1);
     scratch.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
-    let mut verification = Verification { scene, width, selection, verdicts, limits };
+    let mut verification = Verification { scene, width, selection, path_orders, limits };
     verification.measure_regions(scratch, surfaces);
     // Regions first: single pixels are judged by the regions around them that stand.
     verification.judge_regions(scratch);
@@ -144,7 +164,7 @@ pub(super) fn verify(
         *grounds = verification.grounds(scratch);
     }
     verification.keep_confident(scratch, decisions);
-    verification.drop_small_regions(&mut scratch.left, decisions.outcomes);
+    verification.drop_small_regions(&mut scratch.remaining, decisions.outcomes);
     verification.finish(decisions);
 }
 
@@ -159,7 +179,7 @@ struct Verification<'a> {
     scene: &'a Scene<'a>,
     width: usize,
     selection: &'a mut Selection,
-    verdicts: &'a Verdicts,
+    path_orders: &'a PathOrders,
     limits: &'a Limits,
 }
 
@@ -173,7 +193,7 @@ impl Verification<'_> {
 
     fn find_leads(&self, regions: &Regions, per_region: &mut RegionScratch) {
         let RegionScratch { leads_nats, sums, .. } = per_region;
-        regions.sum(sums, |run| self.verdicts.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
+        regions.sum(sums, |run| self.path_orders.margin[run.pixels()].iter().map(|&margin| u64::from(margin)).sum());
         let of_region = |(&margins, &size_px): (&u64, &u32)| {
             (margins as f64 / f64::from(size_px)) as f32 / (PATHS as f32 * UNITS_PER_NAT)
         };
@@ -184,9 +204,9 @@ impl Verification<'_> {
     /// Decides which regions stand, by their lead and the scatter of z.
     fn judge_regions(&self, VerificationScratch { regions, per_region, strips, .. }: &mut VerificationScratch) {
         let RegionScratch { leads_nats, foundations_nats, verdicts, sums, .. } = per_region;
-        // The median of the squares of z must be small: more than half of them must be below the limit, with an even
-        // number one more. The sums count the pixels beyond the limit of the lead, and 2^32 times those beyond that of a
-        // sure region.
+        // The median of z² must be below a limit, so more than half of the pixels must be. One sum per region holds two
+        // counts: in its low 32 bits the pixels beyond the limit by the lead, in its high bits those beyond the limit
+        // of sure regions.
         let allowed = |run: &Run| {
             let lead_nats = leads_nats[run.set as usize];
             (1.0 + (lead_nats - MIN_LEAD_NATS) / LEAD_NATS_PER_VARIANCE).min(MAX_VARIANCE)
@@ -250,7 +270,7 @@ impl Verification<'_> {
         for run in &regions.runs.all {
             let nats = foundations_nats[run.set as usize];
             if verdicts[run.set as usize].is_none() && takes(nats) {
-                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, nats)));
+                run.pixels().for_each(|pixel| claims.add(self.claim(pixel, nats)));
             }
         }
         regions.sum(sums, |run| {
@@ -293,7 +313,7 @@ impl Verification<'_> {
         let claim = || {
             claims.clear(self.scene.table.epipolar_size_px().iter().product());
             for run in regions.runs.all.iter().filter(stands) {
-                run.pixels().for_each(|pixel| claims.make(self.claim(pixel, self.selection.places.nearness[pixel])));
+                run.pixels().for_each(|pixel| claims.add(self.claim(pixel, self.selection.places.nearness[pixel])));
             }
         };
         rayon::join(claim, fill);
@@ -305,7 +325,7 @@ impl Verification<'_> {
             .zip(wide_support.par_chunks_mut(width))
             .zip(is_hidden.par_chunks_mut(width));
         rows.enumerate().for_each(|(v, ((near_support, wide_support), is_hidden))| {
-            // Outside the runs of a row nothing is selected, so nothing is counted there.
+            // Outside its runs a row has no selected candidates, so support is counted within them alone.
             let columns = regions.columns_of_row(v, width);
             let own = &absolute[v * width..][columns.clone()];
             surroundings.support(v, columns.start, own, &mut near_support[columns.clone()], &mut wide_support[columns]);
@@ -316,7 +336,7 @@ impl Verification<'_> {
         });
     }
 
-    /// Computes what each region contributes to its pixels.
+    /// Computes the contribution of each region to the confidence of its pixels.
     fn gather_region_grounds(
         &self,
         VerificationScratch { regions, per_region, is_hidden, .. }: &mut VerificationScratch,
@@ -355,7 +375,7 @@ impl Verification<'_> {
                 }
                 let pixels = first..first + columns.len();
                 let row = GroundsRow {
-                    margin: &self.verdicts.margin[pixels.clone()],
+                    margin: &self.path_orders.margin[pixels.clone()],
                     z: &self.selection.z[pixels.clone()],
                     near_support: &near_support[pixels.clone()],
                     wide_support: &wide_support[pixels.clone()],
@@ -374,7 +394,7 @@ impl Verification<'_> {
             let RegionGrounds { region_px, lead_nats, hidden_share } = scratch.per_region.grounds[run.set as usize];
             for pixel in run.pixels() {
                 grounds[pixel] = Grounds {
-                    margin_nats: margin_nats(self.verdicts.margin[pixel]),
+                    margin_nats: margin_nats(self.path_orders.margin[pixel]),
                     abs_z: self.selection.z[pixel].abs(),
                     region_px,
                     region_lead_nats: lead_nats,
@@ -394,27 +414,30 @@ impl Verification<'_> {
         let (width, regions, verdicts) = (self.width, &scratch.regions, &scratch.per_region.verdicts);
         let Selection { absolute, z, in_volume, .. } = &mut *self.selection;
         decisions.outcomes.resize(absolute.len(), Outcome::NoCandidate);
-        let selected = z.par_chunks(width).zip(in_volume.par_chunks(width));
-        let rows = absolute.par_chunks_mut(width).zip(selected).zip(scratch.is_hidden.par_chunks(width));
-        let decided = decisions.outcomes.par_chunks_mut(width).zip(decisions.confidence.par_chunks(width));
-        rows.zip(decided).enumerate().for_each(
-            |(v, (((absolute, (z, in_volume)), is_hidden), (outcomes, confidence)))| {
-                outcomes.fill(Outcome::NoCandidate);
-                for run in regions.runs.row(v) {
-                    let (verdict, is_strip) = (verdicts[run.set as usize], scratch.strips.is_strip[run.set as usize]);
-                    for u in run.pixels().start - v * width..run.pixels().end - v * width {
-                        // Beyond the volume the drift is not known, so δ may run there.
-                        if confidence[u] < least || (is_strip && in_volume[u]) {
-                            outcomes[u] = verdict.unwrap_or_else(|| rejection(is_hidden[u], z[u]));
-                            absolute[u] = ABSENT;
-                        }
+        let rows = (
+            absolute.par_chunks_mut(width),
+            z.par_chunks(width),
+            in_volume.par_chunks(width),
+            scratch.is_hidden.par_chunks(width),
+            decisions.outcomes.par_chunks_mut(width),
+            decisions.confidence.par_chunks(width),
+        );
+        rows.into_par_iter().enumerate().for_each(|(v, (absolute, z, in_volume, is_hidden, outcomes, confidence))| {
+            outcomes.fill(Outcome::NoCandidate);
+            for run in regions.runs.row(v) {
+                let (verdict, is_strip) = (verdicts[run.set as usize], scratch.strips.is_strip[run.set as usize]);
+                for u in run.pixels().start - v * width..run.pixels().end - v * width {
+                    // Beyond the volume the drift is not known, so δ may run there.
+                    if confidence[u] < least || (is_strip && in_volume[u]) {
+                        outcomes[u] = verdict.unwrap_or_else(|| rejection(is_hidden[u], z[u]));
+                        absolute[u] = ABSENT;
                     }
                 }
-            },
-        );
+            }
+        });
     }
 
-    /// Rejects small regions among the pixels that are left.
+    /// Rejects small regions among the pixels that remain.
     fn drop_small_regions(&mut self, regions: &mut Regions, outcomes: &mut [Outcome]) {
         let Selection { absolute, z, .. } = &mut *self.selection;
         regions.find(self.width, absolute, z, f32::INFINITY);
@@ -435,7 +458,7 @@ impl Verification<'_> {
         rows.enumerate().for_each(|(v, ((outcomes, mut chosen), confidence))| {
             let pixels = v * width..(v + 1) * width;
             let selected = self.selection.row(pixels.clone());
-            let (passing, order) = (&passing[pixels.clone()], &self.verdicts.order[pixels]);
+            let (passing, order) = (&passing[pixels.clone()], &self.path_orders.order[pixels]);
             let (passing, order) = (&passing[..outcomes.len()], &order[..outcomes.len()]);
             let confidence = &mut confidence[..outcomes.len()];
             for u in 0..outcomes.len() {

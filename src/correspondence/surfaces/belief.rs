@@ -27,24 +27,26 @@ pub(super) struct Messages {
     /// The message received by each node from each side.
     received: Vec<[Labels; 4]>,
     /// Whether a node has a new message to send.
-    has_news: Vec<bool>,
+    has_new_message: Vec<bool>,
 }
 
 /// Decides all nodes with evidence.
 pub(super) fn decide(nodes: &mut Nodes, evidence: &[Labels], messages: &mut Messages) {
-    let Messages { received, has_news } = messages;
+    let Messages { received, has_new_message } = messages;
     received.clear();
     received.resize(evidence.len(), [[0; LABELS]; 4]);
-    has_news.clear();
-    has_news.resize(evidence.len(), true);
-    fringeflow_simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_news });
+    has_new_message.clear();
+    has_new_message.resize(evidence.len(), true);
+    fringeflow_simd::run(Level::in_use(), Propagation { nodes, evidence, messages: received, has_new_message });
 }
 
+/// Sends the messages and decides the nodes.
 struct Propagation<'a> {
     nodes: &'a mut Nodes,
     evidence: &'a [Labels],
+    /// The message received by each node from each side.
     messages: &'a mut [[Labels; 4]],
-    has_news: &'a mut [bool],
+    has_new_message: &'a mut [bool],
 }
 
 impl Kernel for Propagation<'_> {
@@ -52,12 +54,12 @@ impl Kernel for Propagation<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { nodes: Nodes { nodes, with_evidence, .. }, evidence, messages, has_news } = self;
+        let Self { nodes: Nodes { nodes, with_evidence, .. }, evidence, messages, has_new_message } = self;
         for round in 0..ROUNDS {
             for i in 0..with_evidence.len() {
                 // Forwards, then backwards: a message crosses the image in one round.
                 let own = if round % 2 == 0 { i } else { with_evidence.len() - 1 - i };
-                if !std::mem::take(&mut has_news[own]) {
+                if !std::mem::take(&mut has_new_message[own]) {
                     continue;
                 }
                 let belief = belief(&evidence[own], &messages[own]);
@@ -65,10 +67,10 @@ impl Kernel for Propagation<'_> {
                 for side in 0..4 {
                     if neighbours[side] != NO_NODE {
                         let other = nodes[neighbours[side] as usize].evidence as usize;
-                        // The message to a side leaves out what came from there. Side k ^ 1 lies opposite side k.
+                        // The message to a side leaves out the message from there. Side k ^ 1 lies opposite side k.
                         let sent = message(&belief, &messages[own][side]);
                         let received = &mut messages[other][side ^ 1];
-                        has_news[other] |= differ(received, &sent);
+                        has_new_message[other] |= differ(received, &sent);
                         *received = sent;
                     }
                 }
@@ -93,6 +95,7 @@ impl Kernel for Propagation<'_> {
     }
 }
 
+/// Evidence plus all received messages.
 #[inline(always)]
 fn belief(evidence: &Labels, messages: &[Labels; 4]) -> Labels {
     let mut sums = *evidence;
@@ -104,6 +107,7 @@ fn belief(evidence: &Labels, messages: &[Labels; 4]) -> Labels {
     sums
 }
 
+/// The message to the side from which `received` came.
 #[inline(always)]
 fn message(belief: &Labels, received: &Labels) -> Labels {
     let mut sent = [0; LABELS];
@@ -118,6 +122,7 @@ fn message(belief: &Labels, received: &Labels) -> Labels {
     sent
 }
 
+/// Whether two messages differ. Free of branches so that it vectorizes.
 #[inline(always)]
 fn differ(a: &Labels, b: &Labels) -> bool {
     let mut bits = 0;

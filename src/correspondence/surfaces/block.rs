@@ -10,7 +10,7 @@ use crate::correspondence::segment::SegmentRow;
 use super::NO_ORDER;
 use super::order_scores::{columns_around_each, residual_turns};
 
-/// A block of pixels and what their search reads.
+/// A block of pixels, with the inputs of their search.
 pub(super) struct Block<L: Lanes> {
     lanes: L,
     pub(super) segments: Segments<L>,
@@ -22,7 +22,7 @@ pub(super) struct Block<L: Lanes> {
 
 /// The columns at which Φ is order + phase of the pixels, and columns per turn there.
 pub(super) struct OrderColumns<L: Lanes> {
-    /// Pixels with an order, and with such a column.
+    /// Pixels that have an order and such a column.
     pub(super) has_order: L::Mask,
     pub(super) column: L::Floats,
     columns_per_turn: L::Floats,

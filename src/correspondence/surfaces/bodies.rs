@@ -23,12 +23,13 @@ use crate::correspondence::segment::SegmentRow;
 
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::RowScratch;
 use super::nodes::{NO_NODE, Node, Nodes};
-use super::outside::WITHIN_SD;
 use super::runs::PhaseRuns;
+use super::scratch::{BodyRow, RowScratch};
 use crate::correspondence::view::View;
 
+/// Largest |δ − drift| of a pixel that fits the inner order of a neighbour, sd.
+pub(super) const WITHIN_SD: f64 = 4.5;
 /// |δ − drift| of a close fit, sd.
 const CLOSE_SD: f64 = 1.5;
 /// Share of the fitting pixels that must fit closely: 0.87 of a surface do, and 0.33 where δ runs through zero.
@@ -36,25 +37,14 @@ const MIN_CLOSE: f32 = 0.6;
 /// Fewest fitting pixels needed.
 const MIN_PIXELS: u32 = 24;
 
-/// Scratch for a row of tiles.
-#[derive(Clone, Debug, Default)]
-pub(super) struct BodyRow {
-    /// The orders of the pixels of a row.
-    orders: Vec<i16>,
-    /// The pixels of each block that fit, and that fit closely, a bit each.
-    fitting: Vec<[u32; 2]>,
-    /// For the pieces of nodes in all rows: node, pixels that fit, and pixels that fit closely.
-    counts: Vec<(u32, [u32; 2])>,
-}
-
 /// Finds the nodes that hold a part of a body, given the neighbours that see into the volume.
 pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut Nodes, rows: &mut [RowScratch]) {
     let reach_turns = [WITHIN_SD, CLOSE_SD].map(|sd| (sd * drift.residual_sd_rad / TAU) as f32);
     for node in &mut nodes.nodes {
-        node.is_body_candidate = !node.is_within && node.label_within_beside.is_some();
+        node.is_body_candidate = !node.is_within && node.inner_label.is_some();
     }
-    let mut goes_on = nodes.nodes.iter().any(|node| node.is_body_candidate);
-    while goes_on {
+    let mut has_candidates = nodes.nodes.iter().any(|node| node.is_body_candidate);
+    while has_candidates {
         let all = &*nodes;
         rows.par_iter_mut().enumerate().for_each(|(tile_row, scratch)| {
             scratch.bodies.counts.clear();
@@ -63,7 +53,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut 
             }
         });
         nodes.nodes.iter_mut().for_each(|node| node.is_body_candidate = false);
-        goes_on = false;
+        has_candidates = false;
         for scratch in &mut *rows {
             // All pieces of a node lie in one row of tiles.
             scratch.bodies.counts.sort_unstable();
@@ -71,7 +61,7 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut 
                 let [fitting, closely] = [0, 1].map(|k| counts.iter().map(|(_, counts)| counts[k]).sum::<u32>());
                 if fitting >= MIN_PIXELS && closely as f32 >= MIN_CLOSE * fitting as f32 {
                     nodes.nodes[counts[0].0 as usize].holds_body = true;
-                    goes_on |= nodes.extend_to_neighbours(counts[0].0);
+                    has_candidates |= nodes.extend_to_neighbours(counts[0].0);
                 }
             }
         }
@@ -81,12 +71,12 @@ pub(super) fn find(view: View<'_>, drift: &Drift, runs: &PhaseRuns, nodes: &mut 
 impl Nodes {
     /// Makes the neighbours of a node that holds a part of a body candidates too. Returns whether there are new ones.
     fn extend_to_neighbours(&mut self, node: u32) -> bool {
-        let Node { neighbours, label_within_beside, .. } = self.nodes[node as usize];
+        let Node { neighbours, inner_label, .. } = self.nodes[node as usize];
         let mut any = false;
         for other in neighbours.into_iter().filter(|&other| other != NO_NODE) {
             let other = &mut self.nodes[other as usize];
-            if !other.is_within && other.label_within_beside.is_none() {
-                (other.label_within_beside, other.is_body_candidate, any) = (label_within_beside, true, true);
+            if !other.is_within && other.inner_label.is_none() {
+                (other.inner_label, other.is_body_candidate, any) = (inner_label, true, true);
             }
         }
         any
@@ -98,17 +88,17 @@ impl RowScratch {
     fn count_fitting(
         &mut self,
         view: View<'_>,
-        of_image: &Drift,
+        image_drift: &Drift,
         reach_turns: [f32; 2],
         (runs, nodes): (&PhaseRuns, &Nodes),
         v: usize,
     ) {
         let (width, first) = (view.cam1.width, v * view.cam1.width);
-        let label = |node: &Node| node.label_within_beside.filter(|_| node.is_body_candidate);
+        let label = |node: &Node| node.inner_label.filter(|_| node.is_body_candidate);
         if !nodes.fill_orders(runs, (v, width), label, &mut self.bodies.orders) {
             return;
         }
-        self.load_row(view, of_image, v);
+        self.load_row(view, image_drift, v);
         let Self { segments, drift, bodies: BodyRow { orders, fitting, counts }, .. } = self;
         let phase = &view.cam1.phase[first..first + width];
         let cam2 = view.cam2;

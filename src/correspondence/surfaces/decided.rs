@@ -1,16 +1,16 @@
 //! Candidates decided by their nodes, from which the drift is estimated.
 //!
 //! ```text
-//! sample pixels of clear nodes: the candidate of the decided order, if it lies near the volume
-//! if wanted, sample pixels of the other nodes: all candidates in the volume, of which one may be true
+//! for each sampled pixel of a clear node: the candidate of the decided order, if it lies near the volume
+//! if wanted, for each sampled pixel of another node: all candidates in the volume; one of them may be true
 //! unite neighbouring nodes of one surface with one order into parts
-//! keep the candidates of a part if δ scatters little over it; over a surface elsewhere δ takes any value
+//! keep the candidates of a part if δ scatters little over it; δ of a wrong order may take any value
 //! ```
 
-use super::evidence::{RowScratch, Scratch};
 use super::nodes::{NO_NODE, Node, Piece};
 use super::order_scores::SearchSpace;
-use crate::correspondence::disjoint_sets::DisjointSets;
+use super::scratch::{DecidedScratch, Part, Scratch};
+use crate::correspondence::candidates::DecidedCandidate;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::pixel_search::PixelSearch;
 use crate::correspondence::view::View;
@@ -21,7 +21,7 @@ const PIXELS: usize = 6000;
 const NEAR_HALVES: f32 = 4.0;
 /// Fewest candidates of a part.
 const MIN_COUNT: f32 = 8.0;
-/// Share of all candidates from which a part is kept whatever its sd: over a large body the drift changes by more.
+/// Share of all candidates from which on a part is kept with any sd: over a large body the drift changes by more.
 const LARGE_SHARE: f32 = 0.4;
 
 /// Which candidates are kept.
@@ -33,40 +33,6 @@ pub(super) struct DecidedFilter {
     pub(super) max_sd_turns: f32,
     /// Whether to add all candidates of pixels whose nodes are not clear.
     pub(super) with_unclear: bool,
-}
-
-/// A decided candidate.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::correspondence) struct Decided {
-    /// Column and row of the pixel of C1.
-    pub(in crate::correspondence) pixel: [usize; 2],
-    /// Column of the candidate in the epipolar frame.
-    pub(in crate::correspondence) column_px: f32,
-    /// δ, turns.
-    pub(in crate::correspondence) delta_turns: f32,
-    /// δ less the known drift, turns.
-    residual_turns: f32,
-    /// The node that decided; [`NO_NODE`] if the node is not clear.
-    node: u32,
-}
-
-/// Scratch for decided candidates.
-#[derive(Clone, Debug, Default)]
-pub(super) struct DecidedScratch {
-    pub(super) candidates: Vec<Decided>,
-    row: RowScratch,
-    sets: DisjointSets,
-    /// Part of each node.
-    part_of: Vec<u32>,
-    parts: Vec<Part>,
-}
-
-/// Number of candidates of a part, and sums of δ.
-#[derive(Clone, Copy, Debug, Default)]
-struct Part {
-    count: f32,
-    sum: f32,
-    squares: f32,
 }
 
 impl Scratch {
@@ -107,20 +73,20 @@ impl Scratch {
                 }
                 let (drift, limits_px) = (row.drift.segment(u), [first_px, last_px]);
                 let search = PixelSearch::within(view.cam2, segment, drift, view.cam1.phase[pixel], limits_px);
-                let mut take = |residual_turns: f32, column_px: f32| {
+                let mut add = |residual_turns: f32, column_px: f32| {
                     let delta_turns = residual_turns + search.drift.at(column_px);
                     let node = if is_clear { node } else { NO_NODE };
-                    candidates.push(Decided { pixel: [u, v], column_px, delta_turns, residual_turns, node });
+                    candidates.push(DecidedCandidate { pixel: [u, v], column_px, delta_turns, residual_turns, node });
                 };
                 if is_clear {
                     if let Some((residual_turns, column_px)) = search.nearest(order, cap_turns) {
-                        take(residual_turns, column_px);
+                        add(residual_turns, column_px);
                     }
                 } else {
                     search.crossings(limits_px, |column_px, _| {
                         let (_, residual_turns) = search.order_and_residual(column_px);
                         if residual_turns.abs() < cap_turns {
-                            take(residual_turns, column_px);
+                            add(residual_turns, column_px);
                         }
                     });
                 }

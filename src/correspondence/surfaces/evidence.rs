@@ -11,27 +11,23 @@
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use crate::correspondence::drift::{DepthPolynomial, DepthRow, Drift};
-use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
 
-use super::bodies::BodyRow;
-use super::decided::DecidedScratch;
 use super::nodes::{NO_NODE, Node, Nodes, Piece};
-use super::order_scores::{OrderScorer, SearchSpace, UNSEEN_SCORE, order_scores};
-use super::outside::OutsideRow;
+use super::order_scores::{Gate, OrderScorer, SearchSpace, UNSEEN_SCORE, order_scores};
 use super::runs::PhaseRuns;
-use super::taken::TakenRow;
+use super::scratch::{RowScratch, Scratch};
 use super::{FULL_SCORE, LABELS, belief};
 
 /// A node gives the orders of its pixels if this share of the sampled ones fits its order, or if no other order fits
-/// more than this share of these; the rest is hidden from C2.
+/// more than the second share of these: then the rest is hidden from C2.
 const MIN_FITTING: f32 = 0.6;
 const MAX_RIVAL: f32 = 0.8;
 /// Least lead for that, as share of the sampled pixels.
 const MIN_LEAD: f32 = 0.2;
 
-/// Sampled pixels along either axis of a tile: their number need not grow with the image.
+/// Sampled pixels along either axis of a tile, few and many. Their number need not grow with the image.
 const FEW_OF_TILE: usize = 3;
 const MANY_OF_TILE: usize = 6;
 /// Least ratio of many samples to few.
@@ -48,49 +44,6 @@ pub(super) enum Sampling {
     Many,
     /// Many pixels of the nodes that few pixels left in doubt.
     ManyOfDoubtful,
-}
-
-/// Largest |δ − drift| at which an order fits.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Gate {
-    /// Within the volume, turns.
-    pub(super) cap_turns: f32,
-    /// Increase per half segment beyond it, where the drift is less certain.
-    pub(super) beyond_turns: f32,
-    /// Upper bound, turns.
-    pub(super) most_turns: f32,
-}
-
-/// Scratch memory for surfaces, kept from window to window.
-#[derive(Clone, Debug, Default)]
-pub(in crate::correspondence) struct Scratch {
-    pub(super) runs: PhaseRuns,
-    pub(super) nodes: Nodes,
-    pub(super) evidence: Vec<[i16; LABELS]>,
-    messages: belief::Messages,
-    /// Scratch for each row of tiles.
-    pub(super) rows: Vec<RowScratch>,
-    pub(super) decided: DecidedScratch,
-    /// Places of C2 that show something outside the volume.
-    pub(super) taken: Vec<u8>,
-}
-
-/// Scratch for a row of pixels.
-#[derive(Clone, Debug, Default)]
-pub(super) struct RowScratch {
-    pub(super) segments: SegmentRow,
-    pub(super) drift: DepthRow,
-    pub(super) bodies: BodyRow,
-    pub(super) outside: OutsideRow,
-    pub(super) taken: TakenRow,
-}
-
-impl RowScratch {
-    /// Loads the segments and the drift of a row.
-    pub(super) fn load_row(&mut self, view: View<'_>, drift: &Drift, v: usize) {
-        view.table.row(v, &mut self.segments);
-        drift.along_row(v, view.cam1.width, &mut self.drift);
-    }
 }
 
 impl Scratch {
@@ -127,7 +80,7 @@ impl Scratch {
         for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
             let node = &mut nodes.nodes[node as usize];
             let unseen = node.sampled as i16 * UNSEEN_SCORE;
-            // Evidence of half a score per sample comes from orders that C2 cannot see, which are no rivals.
+            // Orders that C2 cannot see have half a score per sample. They are no rivals.
             let most =
                 |labels: &[i16]| labels.iter().fold(0, |most: i16, &sum| most.max(if sum == unseen { 0 } else { sum }));
             let (before, behind) = evidence.split_at(usize::from(node.label));
@@ -140,11 +93,11 @@ impl Scratch {
     pub(in crate::correspondence) fn fill_orders(&self, row: (usize, usize), orders: &mut Vec<i16>) -> bool {
         let label = |node: &Node| {
             let sampled = node.sampled as f32;
-            let tells = node.is_clear()
+            let gives_order = node.is_clear()
                 && !node.holds_body
                 && (node.fitting >= MIN_FITTING * sampled || node.rival <= MAX_RIVAL * node.fitting)
                 && node.lead >= MIN_LEAD * sampled;
-            tells.then_some(node.label)
+            gives_order.then_some(node.label)
         };
         self.nodes.fill_orders(&self.runs, row, label, orders)
     }
@@ -161,9 +114,9 @@ impl Scratch {
         }
     }
 
-    /// Whether the phase of C1 continues to a pixel of a row from the pixel to the left.
-    pub(in crate::correspondence) fn runs_on(&self, v: usize, pixel: usize) -> bool {
-        self.runs.runs_on(v, pixel)
+    /// Whether the phase of C1 continues to a pixel of row `v` from the pixel to the left.
+    pub(in crate::correspondence) fn continues_to(&self, v: usize, pixel: usize) -> bool {
+        self.runs.continues_to(v, pixel)
     }
 
     /// Share of the sampled pixels that fit the orders of their nodes, where C2 can see these.
@@ -182,7 +135,7 @@ impl Scratch {
     }
 }
 
-/// What sampling reads.
+/// Inputs of sampling.
 #[derive(Clone, Copy)]
 struct EvidencePass<'a> {
     view: View<'a>,
@@ -284,15 +237,4 @@ impl Kernel for EvidenceRow<'_> {
             }
         }
     }
-}
-
-/// The order of label 0 of a surface, from a pixel of relative order 0: the orders of the pixel lie in the middle of
-/// the labels.
-pub(super) fn base_of(View { cam1, table, .. }: View<'_>, space: &SearchSpace, pixel: usize) -> i32 {
-    let segment = table.segment(pixel);
-    let limits_px = space.limits_px(&segment, [pixel % cam1.width, pixel / cam1.width]);
-    let (drift, gate) = (DepthPolynomial::default(), Gate::default());
-    let scorer = OrderScorer { limits_px, segment, drift, phase: cam1.phase[pixel], gate, half_px: space.half_px };
-    let middle = scorer.orders().map_or(0, |orders| (orders.first + orders.last) / 2);
-    middle - LABELS as i32 / 2
 }

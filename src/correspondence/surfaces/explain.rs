@@ -16,22 +16,24 @@
 use std::f64::consts::TAU;
 
 use super::decided::DecidedFilter;
-use super::evidence::{Gate, Sampling, Scratch};
+use super::evidence::Sampling;
+use super::order_scores::Gate;
+use super::scratch::Scratch;
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::drift::{Drift, DriftScratch, MODEL_SD_TURNS};
 use crate::correspondence::view::View;
 
 /// Limits of δ if the drift is unknown, turns (18°): those of rigs that are off by a pixel.
 const WIDE: Gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
-/// The same about a first estimate, which is good in the middle of the image and worse away from it, turns.
+/// Limit of δ about a first estimate, turns. The estimate is good in the middle of the image and worse away from it.
 const MIDDLE_TURNS: f32 = 0.02;
-/// The same about a known drift: this many sd, at least this many turns; more beyond the volume.
+/// Limit of δ about a known drift: this many sd, at least this many turns; more beyond the volume.
 const NARROW_SD: f64 = 4.5;
 const MIN_NARROW_TURNS: f64 = 0.004;
 const BEYOND_TURNS: f32 = 0.01;
 const MOST_TURNS: f32 = 0.06;
-/// Largest drift that may be known beforehand, turns, and the calibration error behind it, pixels: what can be found
-/// from 0. Beyond that, a wrong order of a flat board has such a field.
+/// Largest known drift that is used, turns, and the largest calibration error behind it, pixels. Such a drift could
+/// also be found from 0; a larger one may be the field of a wrong order of a flat board.
 const MOST_KNOWN_TURNS: f64 = 0.05;
 const MOST_KNOWN_PX: f64 = 1.5;
 /// Largest distance between the drift of a window and the known one, turns (4°). It is taken over the whole volume; a
@@ -94,7 +96,7 @@ pub(in crate::correspondence) fn explain(
     match scratch.explain_from_none(view, drift_scratch) {
         Some(found) if scratch.is_confirmed(&found, delta) => found,
         found => {
-            // Surfaces failed to show a drift: compare it with those from all candidates.
+            // The drift of the surfaces is missing or not confirmed: compare it with those from all candidates.
             let (mut drift, other) = drift_scratch.estimates(view, delta);
             let mut most = scratch.drift_nats(view, &drift);
             for other in [other, found].into_iter().flatten().filter(|other| other.residual_sd_rad < MAX_SD_RAD) {
@@ -119,7 +121,7 @@ impl Scratch {
         Some(self.explain_about(view, first, drift_scratch))
     }
 
-    /// The same from a known drift. `None` if the images do not confirm it.
+    /// Decides the nodes from a known drift. `None` if the images do not confirm it.
     fn explain_from(
         &mut self,
         view: View<'_>,
@@ -137,7 +139,7 @@ impl Scratch {
         (is_near && self.fitting_share() > MIN_FITTING_SHARE && self.is_confirmed(&found, delta)).then_some(found)
     }
 
-    /// The same from a first estimate.
+    /// Decides the nodes from a first estimate of the drift, and refines it.
     fn explain_about(&mut self, view: View<'_>, first: Drift, drift_scratch: &mut DriftScratch) -> Drift {
         let gate = Gate { cap_turns: narrow(&first).cap_turns.max(MIDDLE_TURNS), ..narrow(&first) };
         self.decide(view, &first, gate, Sampling::Few);
@@ -157,8 +159,8 @@ impl Scratch {
         is_clear && is_as_noise(found, delta) && (!delta.is_suspicious() || is_usual(found))
     }
 
-    /// Decides the nodes about a drift. Returns the mean log likelihood of δ of a pixel relative to chance, nats. What
-    /// lies beyond the volume must fit as closely as what lies within: wider limits there would favour wrong orders.
+    /// Decides the nodes about a drift. Returns the mean log likelihood of δ of a pixel relative to chance, nats.
+    /// Beyond the volume the limits are the same as within: wider ones there would favour wrong orders.
     fn drift_nats(&mut self, view: View<'_>, drift: &Drift) -> f64 {
         let Gate { cap_turns, .. } = narrow(drift);
         self.decide(view, drift, Gate { cap_turns, beyond_turns: 0.0, most_turns: cap_turns }, Sampling::Few);

@@ -2,7 +2,8 @@
 //!
 //! The wrapped phase of C1 continues over a smooth surface, so that all its pixels share one unknown whole number.
 //! Instead of a million pixels some thousand *nodes* are decided. Their orders are sought in all of space, from before
-//! the measurement volume to nearly infinity, so that something outside the volume is explained where it is.
+//! the measurement volume to nearly infinity. So a surface outside the volume gets its true order, and no wrong one
+//! inside.
 //!
 //! ```text
 //! runs:          rows of C1, cut where the wrapped phase does not continue; orders counted from the start of each run
@@ -14,11 +15,11 @@
 //! explain:       orders by δ within wide limits, the drift that these show, orders by δ about that drift
 //! bodies:        nodes that lead beyond the volume but hold the border of a body inside it
 //! outside:       pixels that see something outside the volume; the orders of all others are confirmed pixel by pixel
-//! taken:         the places of C2 where these are seen: no point in the volume has its correspondence there
+//! taken:         the places of C2 that show surfaces outside: no point in the volume has its correspondence there
 //! ```
 //!
 //! In: the phase of C1, C2 in the epipolar frame, segments. Out: the drift of the calibration; the pixels that see
-//! something outside the volume; C2 without the places where this is seen; the orders of the pixels in clear nodes.
+//! something outside the volume; C2 without the taken places; the orders of the pixels in clear nodes.
 
 mod belief;
 mod block;
@@ -30,14 +31,14 @@ mod nodes;
 mod order_scores;
 mod outside;
 mod runs;
+mod scratch;
 mod taken;
 #[cfg(test)]
 mod tests;
 
-pub(super) use decided::Decided;
-pub(super) use evidence::Scratch;
 pub(super) use explain::{clear_nats, explain, explain_by_surfaces};
 pub(super) use order_scores::columns_around_each;
+pub(super) use scratch::Scratch;
 
 /// Number of orders of a node, called labels; they count from the base of its surface.
 const LABELS: usize = 128;

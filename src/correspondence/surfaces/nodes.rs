@@ -14,10 +14,10 @@ use std::ops::Range;
 
 use fringeflow_simd::LANES;
 
-use super::evidence::base_of;
-use super::order_scores::{MAX_ORDER, SearchSpace, UNSEEN_SCORE};
+use super::order_scores::{Gate, MAX_ORDER, OrderScorer, SearchSpace, UNSEEN_SCORE};
 use super::runs::PhaseRuns;
 use super::{FULL_SCORE, LABELS, NO_ORDER};
+use crate::correspondence::drift::DepthPolynomial;
 use crate::correspondence::view::View;
 
 /// Side of a tile, pixels, and side in a large image: the detail of images grows with their size.
@@ -64,11 +64,11 @@ pub(super) struct Node {
     /// Sampled pixels, and how many of them fit the label; partial fits count as fractions.
     pub(super) sampled: u32,
     pub(super) fitting: f32,
-    /// The same of the label that fits best regardless of neighbours.
+    /// Sampled pixels that fit the label that fits best, regardless of neighbours.
     pub(super) best_fitting: f32,
-    /// The same of the best other label that C2 can see.
+    /// Sampled pixels that fit the best other label that C2 can see.
     pub(super) rival: f32,
-    /// Whether it is to be sampled.
+    /// Whether more of its pixels are to be sampled.
     pub(super) is_doubtful: bool,
     /// Whether its first pixel sees into the volume or close to it.
     pub(super) is_within: bool,
@@ -76,9 +76,9 @@ pub(super) struct Node {
     pub(super) is_beyond: bool,
     /// Whether its pixels may see something outside the volume.
     pub(super) sees_beyond: bool,
-    /// The label of a neighbour that sees into the volume, if there is one; whether its pixels are to be tested for a
-    /// part of the same body; whether they hold one.
-    pub(super) label_within_beside: Option<u8>,
+    /// Label of a neighbour that sees into the volume, if there is one.
+    pub(super) inner_label: Option<u8>,
+    /// Whether its pixels are to be tested for a part of the body of that neighbour, and whether they hold one.
     pub(super) is_body_candidate: bool,
     pub(super) holds_body: bool,
 }
@@ -183,18 +183,19 @@ pub(super) struct Nodes {
     pub(super) tile_px: usize,
     /// The pieces, row by row.
     pub(super) pieces: Vec<Piece>,
-    /// Where the pieces of each row begin, and where those of the last one end.
+    /// Index of the first piece of each row, and the number of pieces.
     begins: Vec<usize>,
-    /// Where the nodes of each tile row begin, and where those of the last one end.
+    /// Index of the first node of each tile row, and the number of nodes.
     tile_rows: Vec<usize>,
+    /// Base of each surface.
     bases: Vec<i32>,
-    /// Nodes with evidence, and where those of each tile row begin, and those of the last one end. Noise makes twenty
-    /// times as many nodes without evidence.
+    /// Nodes with evidence. Noise makes twenty times as many nodes without evidence.
     pub(super) with_evidence: Vec<u32>,
+    /// Index of the first of these of each tile row, and their number.
     pub(super) evidence_rows: Vec<usize>,
 }
 
-/// No order yet.
+/// Stands for a base that is not known yet.
 const NO_BASE: i32 = i32::MIN;
 /// Half a turn of absolute phase.
 const HALF_TURN: u32 = 1 << 15;
@@ -238,7 +239,8 @@ impl Nodes {
                     let tile = (begin - v * width) / tile_px;
                     let end = pixels.end.min(v * width + (tile + 1) * tile_px);
                     let piece = Piece { begin: begin as u32, end: end as u32, node: NO_NODE, offset: run.order_offset };
-                    // Pieces come from left to right: those that end before this one are not met again.
+                    // The pieces of a row go from left to right: those above that end before this one meet no later
+                    // one.
                     while first_met < above.end && pieces[first_met].end as usize + width <= begin {
                         first_met += 1;
                     }
@@ -342,6 +344,17 @@ impl Nodes {
     pub(super) fn row(&self, v: usize) -> &[Piece] {
         &self.pieces[self.begins[v]..self.begins[v + 1]]
     }
+}
+
+/// The order of label 0 of a surface, from a pixel of relative order 0: the orders of the pixel lie in the middle of
+/// the labels.
+fn base_of(View { cam1, table, .. }: View<'_>, space: &SearchSpace, pixel: usize) -> i32 {
+    let segment = table.segment(pixel);
+    let limits_px = space.limits_px(&segment, [pixel % cam1.width, pixel / cam1.width]);
+    let (drift, gate) = (DepthPolynomial::default(), Gate::default());
+    let scorer = OrderScorer { limits_px, segment, drift, phase: cam1.phase[pixel], gate, half_px: space.half_px };
+    let middle = scorer.orders().map_or(0, |orders| (orders.first + orders.last) / 2);
+    middle - LABELS as i32 / 2
 }
 
 /// The pieces of the rows with sampled pixels, each with the first pixel of its row.

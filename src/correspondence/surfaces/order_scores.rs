@@ -12,13 +12,11 @@ use fringeflow_simd::{LANES, Lanes, first_lanes};
 
 use crate::correspondence::drift::{DepthBlock, DepthPolynomial};
 use crate::correspondence::epipolar_image::EpipolarImage;
-use crate::correspondence::kernels::mix_rows;
-use crate::correspondence::row_view::MAX_COLUMN_STEP;
+use crate::correspondence::kernels::{MAX_COLUMN_STEP, interpolate_rows};
 use crate::correspondence::segment::Segment;
 use crate::correspondence::segment_table::SegmentTable;
 
 use super::FULL_SCORE;
-use super::evidence::Gate;
 
 /// Farthest and nearest inverse depth searched, relative to the middle of the volume: from nearly infinity to close to
 /// the cameras.
@@ -31,10 +29,11 @@ const MIN_DENOMINATOR: f32 = 0.1;
 const MIN_SLOPE_SHARE: f32 = 0.3;
 /// Least rise of Φ, turns per column, that separates orders.
 const MIN_RISE: f32 = 1e-5;
-/// Score of an order whose point lies outside the image of C2. It exceeds the score of a wrong order that fits here and
-/// there where a surface is known to lead there.
+/// Score of a pixel for an order whose point lies outside the image of C2. Summed over a node that leads there, it
+/// exceeds the score of a wrong order that fits here and there.
 pub(super) const UNSEEN_SCORE: i16 = FULL_SCORE / 2;
-/// Share of the score that an order loses at limits far wider than within the volume: more fits by chance there.
+/// Share of the score that an order loses where the limits are far wider than within the volume: more orders fit there
+/// by chance.
 const LOST_BEYOND: f32 = 0.25;
 /// Largest order.
 pub(super) const MAX_ORDER: f32 = 8000.0;
@@ -67,7 +66,18 @@ impl SearchSpace {
     }
 }
 
-/// A pixel of C1 and what its scores are computed from.
+/// Largest |δ − drift| at which an order fits.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Gate {
+    /// Within the volume, turns.
+    pub(super) cap_turns: f32,
+    /// Increase per half segment beyond it, where the drift is less certain.
+    pub(super) beyond_turns: f32,
+    /// Upper bound, turns.
+    pub(super) most_turns: f32,
+}
+
+/// A pixel of C1, with the inputs of its scores.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OrderScorer {
     pub(super) segment: Segment,
@@ -104,9 +114,9 @@ impl OrderScorer {
         let at = |s: f32| (a + b * s) / (1.0 + d * s);
         let (least, most) = (at(begin).min(at(end)), at(begin).max(at(end)));
         let phase = f32::from(self.phase) / 65536.0;
-        let tells = rise.abs() >= MIN_RISE && least >= -MAX_ORDER && most <= MAX_ORDER && begin < end;
+        let separates_orders = rise.abs() >= MIN_RISE && least >= -MAX_ORDER && most <= MAX_ORDER && begin < end;
         let (first, last) = ((least - phase).ceil(), (most - phase).floor());
-        (tells && first <= last).then_some(Orders {
+        (separates_orders && first <= last).then_some(Orders {
             first: first as i32,
             last: last as i32,
             phase_turns: [least, most],
@@ -174,7 +184,7 @@ const RAMP: [i16; LANES] = {
     ramp
 };
 
-/// What C2 shows in the columns around a place.
+/// The phase of C2 in the two columns around a place.
 pub(in crate::correspondence) struct Around<L: Lanes> {
     /// Phase in the column before it less that of the pixel, and the step to the column behind it.
     pub(in crate::correspondence) value: L::Words,
@@ -194,7 +204,7 @@ pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L
     lanes.over(off, lanes.max_float(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0)))
 }
 
-/// What C2 shows around many columns of the row of one pixel.
+/// The phase of C2 around many columns of the row of one pixel.
 #[inline(always)]
 fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase: u16, column: L::Floats) -> Around<L> {
     let last = image.phase.len() / image.width - 1;
@@ -207,7 +217,7 @@ fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase:
     around(lanes, rows, below, lanes.word(phase as i16), lanes.sub_float(column, lanes.floats(before)))
 }
 
-/// What C2 shows around one column for each of many pixels.
+/// The phase of C2 around one column for each of many pixels.
 #[inline(always)]
 pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
     lanes: L,
@@ -233,7 +243,7 @@ pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
     around(lanes, rows, below, phases, lanes.sub_float(column, lanes.floats(before)))
 }
 
-/// The same from two columns of two rows, `below` being the share of the lower row in 1/65536.
+/// The phase of C2 between two columns of two rows; `below` is the share of the lower row in 1/65536.
 #[inline(always)]
 fn around<L: Lanes>(
     lanes: L,
@@ -242,8 +252,8 @@ fn around<L: Lanes>(
     phases: L::Words,
     share: L::Floats,
 ) -> Around<L> {
-    let (first, has_first) = mix_rows(lanes, upper[0], lower[0], below);
-    let (second, has_second) = mix_rows(lanes, upper[1], lower[1], below);
+    let (first, has_first) = interpolate_rows(lanes, upper[0], lower[0], below);
+    let (second, has_second) = interpolate_rows(lanes, upper[1], lower[1], below);
     let slope = lanes.sub(second, first);
     let moderate = lanes.is_at_least(lanes.word(MAX_COLUMN_STEP as i16), lanes.abs(slope));
     let known = lanes.and(lanes.and(has_first, has_second), moderate);

@@ -20,28 +20,28 @@ use crate::correspondence::drift::Drift;
 
 use super::NO_ORDER;
 use super::block::{Block, OrderColumns};
-use super::bodies;
-use super::evidence::{RowScratch, Scratch};
+use super::bodies::{self, WITHIN_SD};
 use super::nodes::{Node, Nodes};
 use super::order_scores::SearchSpace;
+use super::scratch::{OutsideRow, RowScratch, Scratch};
 use crate::correspondence::view::View;
 
-/// How far beyond the volume a marked pixel sees, half segments. What is nearer is decided pixel by pixel.
+/// Least distance beyond the volume of a point that a marked pixel sees, half segments. Nearer ones are decided pixel
+/// by pixel.
 const BEYOND_HALVES: f32 = 0.5;
-/// The same for the first pixel of a node, for all its pixels.
+/// A node whose first pixel sees less far beyond the volume than this counts as within it, half segments.
 const WITHIN_HALVES: f32 = 0.2;
-/// Largest |δ − drift| there, turns.
+/// Largest |δ − drift| beyond the volume, turns.
 const REACH_TURNS: f32 = 0.06;
-/// Largest |δ − drift| of a pixel that may also see something in the volume, turns.
+/// Largest |δ − drift| beyond the volume of a pixel that also fits an order within, turns.
 const CLOSE_TURNS: f32 = 0.02;
-/// Largest |δ − drift| of a pixel that sees what its neighbours see within the volume, sd.
-pub(super) const WITHIN_SD: f64 = 4.5;
-/// Least share of the pixels of a node that fit its order, none fitting better. If all neighbours have the same order,
-/// one of both is enough, and then a smaller share. Mixed nodes are decided pixel by pixel.
+/// Least share of the pixels of a node that must fit its order; no other order may fit better. If all neighbours have
+/// the same order, the first condition alone is enough, or the second with a smaller share. Mixed nodes are decided
+/// pixel by pixel.
 const MIN_FITTING: f32 = 0.68;
 const MIN_FITTING_AMONG: f32 = 0.48;
-/// If it leads to where C2 cannot see: largest share of the pixels that fit any other order, larger if all neighbours
-/// have the same order. What C2 sees instead fits here and there.
+/// If its order leads to where C2 cannot see: largest share of the pixels that may fit another order, because other
+/// surfaces that C2 sees fit here and there; and the larger share that may fit if neighbours alone lead.
 const MAX_RIVAL: f32 = 0.3;
 const MAX_BEST: f32 = 0.85;
 /// Share of the pixels of a large node that may fit an order in the volume if it counts as seeing nothing there.
@@ -55,19 +55,6 @@ const VERY_FAR_HALVES: f32 = 6.0;
 /// Least share of the image that must see something outside.
 const MIN_SHARE: f32 = 0.03;
 
-/// Scratch for a row.
-#[derive(Clone, Debug, Default)]
-pub(super) struct OutsideRow {
-    /// The orders of the pixels that may see outside.
-    orders: Vec<i16>,
-    /// Their orders by a neighbour that sees into the volume.
-    within: Vec<i16>,
-    /// The same for nodes that hold a part of a body there.
-    of_bodies: Vec<i16>,
-    /// Marked pixels of all rows that see far, and very far.
-    far: [u32; 2],
-}
-
 impl Scratch {
     /// Marks the pixels that see something outside, if a good part of the image sees farther beyond the volume than the
     /// search of single pixels reaches, `far_px`. Otherwise a few nodes may err where a surface is hidden or dark.
@@ -80,24 +67,9 @@ impl Scratch {
     ) -> Far {
         let width = view.cam1.width.max(1);
         outside.resize(view.cam1.phase.len(), false);
-        let Self { runs, nodes, rows, evidence, .. } = self;
         let half_px = SearchSpace::from_table(view.table).half_px;
-        for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
-            let node = &mut nodes.nodes[node as usize];
-            // NaN at the pole and at infinity counts as beyond.
-            node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
-            let fitting = || node.fitting_within(view, half_px, evidence);
-            node.is_beyond =
-                node.is_large(nodes.tile_px) && !node.is_within && fitting() <= MAX_WITHIN * node.sampled as f32;
-        }
-        for i in 0..nodes.with_evidence.len() {
-            let i = nodes.with_evidence[i] as usize;
-            let node = &nodes.nodes[i];
-            let label_within_beside = nodes.neighbours_of(node).find(|other| other.is_within && other.is_clear());
-            let (label_within_beside, sees_beyond) =
-                (label_within_beside.map(|other| other.label), may_see_beyond(nodes, node));
-            (nodes.nodes[i].sees_beyond, nodes.nodes[i].label_within_beside) = (sees_beyond, label_within_beside);
-        }
+        self.judge_nodes(view, half_px);
+        let Self { runs, nodes, rows, .. } = self;
         bodies::find(view, drift, runs, nodes, rows);
         let (runs, nodes) = (&*runs, &*nodes);
         let beyond_px = [BEYOND_HALVES * half_px, FAR_SHARE * far_px, VERY_FAR_HALVES * half_px];
@@ -114,9 +86,7 @@ impl Scratch {
                     continue;
                 }
                 let label_within = |holds_body: bool| {
-                    move |node: &Node| {
-                        node.label_within_beside.filter(|_| node.sees_beyond && node.holds_body == holds_body)
-                    }
+                    move |node: &Node| node.inner_label.filter(|_| node.sees_beyond && node.holds_body == holds_body)
                 };
                 nodes.fill_orders(runs, (v, width), label_within(false), within);
                 nodes.fill_orders(runs, (v, width), label_within(true), of_bodies);
@@ -130,7 +100,7 @@ impl Scratch {
             sum as f32 >= MIN_SHARE * view.cam1.phase.len() as f32
         };
         let found = Far { is_far: is_good_part(|row| row.far[0]), is_very_far: is_good_part(|row| row.far[1]) };
-        // Near the volume the search of single pixels explains what lies outside.
+        // Near the volume the search of single pixels finds the orders of surfaces outside too.
         if !found.is_far {
             outside.fill(false);
         }
@@ -138,6 +108,27 @@ impl Scratch {
             outside[piece.begin as usize..piece.end as usize].fill(true);
         }
         found
+    }
+
+    /// Finds for each node with evidence whether it lies within the volume or beyond, whether its pixels may see
+    /// something outside, and the label of a neighbour within.
+    fn judge_nodes(&mut self, view: View<'_>, half_px: f32) {
+        let Self { nodes, evidence, .. } = self;
+        for (&node, evidence) in nodes.with_evidence.iter().zip(&*evidence) {
+            let node = &mut nodes.nodes[node as usize];
+            // NaN at the pole and at infinity counts as beyond.
+            node.is_within = node.beyond_px(view) < WITHIN_HALVES * half_px;
+            let fitting = || node.fitting_within(view, half_px, evidence);
+            node.is_beyond =
+                node.is_large(nodes.tile_px) && !node.is_within && fitting() <= MAX_WITHIN * node.sampled as f32;
+        }
+        for i in 0..nodes.with_evidence.len() {
+            let i = nodes.with_evidence[i] as usize;
+            let node = &nodes.nodes[i];
+            let inner = nodes.neighbours_of(node).find(|other| other.is_within && other.is_clear());
+            let (inner_label, sees_beyond) = (inner.map(|other| other.label), may_see_beyond(nodes, node));
+            (nodes.nodes[i].sees_beyond, nodes.nodes[i].inner_label) = (sees_beyond, inner_label);
+        }
     }
 }
 
@@ -160,13 +151,13 @@ struct Limits {
 /// Whether the pixels of a node may see something outside by its order.
 fn may_see_beyond(nodes: &Nodes, node: &Node) -> bool {
     let sampled = node.sampled as f32;
-    let goes_on = |node: &Node| {
-        // No pixel can fit where C2 does not see; there neighbours alone may lead.
+    let has_order = |node: &Node| {
+        // No pixel can fit where C2 does not see; there the order may come from neighbours alone.
         let is_led = node.is_unseen() && node.leads() && node.best_fitting <= MAX_BEST * node.sampled as f32;
         is_led || node.is_clear()
     };
-    let agreeing = nodes.neighbours_of(node).filter(|other| other.label == node.label && goes_on(other)).count();
-    if node.is_within || !goes_on(node) || agreeing < MIN_AGREEING {
+    let agreeing = nodes.neighbours_of(node).filter(|other| other.label == node.label && has_order(other)).count();
+    if node.is_within || !has_order(node) || agreeing < MIN_AGREEING {
         return false;
     }
     if node.is_unseen() {
@@ -250,7 +241,7 @@ impl<L: Lanes> BlockMarker<'_, L> {
         let unseen = lanes.and_not(beyond, lanes.mask_of(is_seen));
         let mut marked = lanes.and(beyond, lanes.or(unseen, self.fits(&columns, REACH_TURNS)));
         if *within != [NO_ORDER; LANES] {
-            // A close fit beyond the volume outweighs a fit within; what C2 cannot see never fits closely.
+            // A close fit beyond the volume outweighs a fit within. Points that C2 cannot see never fit closely.
             let closely = lanes.and_not(self.fits(&columns, CLOSE_TURNS), unseen);
             let seen_within = lanes.and_not(self.fits(&self.block.order_columns(within), limits.within_turns), closely);
             marked = lanes.and_not(marked, seen_within);

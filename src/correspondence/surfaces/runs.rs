@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! rise(u) = phase(u) − phase(u − 1), wrapped
-//! the phase runs on to u if rise(u) is small, and no bend on both sides of the step is large:
+//! the phase continues to u if rise(u) is small, and the bend is small on at least one side of the step:
 //!     |rise(u) − rise(u − 1)| or |rise(u + 1) − rise(u)|
 //! order(u) = order(u − 1) + the whole turn that the wrapped phase skips at the step; 0 where a run begins
-//! two runs of neighbouring rows are united if one whole number makes nine in ten of their common pixels run on
+//! two runs of neighbouring rows are united if one whole number makes nine in ten of their common pixels continue
 //! ```
 
 use std::ops::Range;
@@ -20,8 +20,8 @@ use crate::correspondence::runs::{Runs, Union, divide_at_marks};
 use crate::correspondence::segment_table::SegmentTable;
 use crate::phase::PhaseMap;
 
-/// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends, if it bends so on both sides of a step:
-/// one spoilt pixel bends on one side alone.
+/// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends if both sides of a step bend so. Beside
+/// a single spoilt pixel, one side alone bends.
 const MAX_BEND: u16 = 2200;
 /// Greatest step from row to row at which runs are united, turns · 65536.
 const MAX_ROW_STEP: u16 = 9000;
@@ -72,8 +72,8 @@ impl PhaseRuns {
         });
     }
 
-    /// Whether the phase runs on to a pixel of a row from the pixel to the left.
-    pub(super) fn runs_on(&self, v: usize, pixel: usize) -> bool {
+    /// Whether the phase continues to a pixel of row `v` from the pixel to the left.
+    pub(super) fn continues_to(&self, v: usize, pixel: usize) -> bool {
         let runs = self.runs.row(v);
         let behind = runs.partition_point(|run| run.pixels().start < pixel);
         behind.checked_sub(1).is_some_and(|place| pixel < runs[place].pixels().end)
@@ -105,7 +105,7 @@ impl RowScratch {
     }
 }
 
-/// Finds where the phase of a row does not run on.
+/// Finds where the phase of a row does not continue.
 struct BreakKernel<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
@@ -131,7 +131,8 @@ impl Kernel for BreakKernel<'_> {
         {
             let rises = &mut rises[1..][..width - 1];
             for i in 0..width - 1 {
-                // The least number stands for no rise. It is too large for any run, and bends from every other.
+                // The least number stands for no rise: its magnitude breaks every run, and it bends from every other
+                // rise.
                 let rise = (here[i].wrapping_sub(before[i]) as i16).max(-i16::MAX);
                 rises[i] = if known_before[i] & known[i] == 1 { rise } else { i16::MIN };
             }
@@ -168,15 +169,16 @@ impl Kernel for UniteKernel<'_> {
         let count = above.len();
         let (phase_above, phase_below) = (&cam1.phase[above.clone()][..count], &cam1.phase[below.clone()][..count]);
         let (of_above, of_below) = (&relative[above][..count], &relative[below][..count]);
-        let by = |i: usize| {
+        let step_at = |i: usize| {
             let step = phase_below[i].wrapping_sub(phase_above[i]) as i16;
             let up = i16::from((step > 0) & (phase_below[i] < phase_above[i]));
             let down = i16::from((step < 0) & (phase_below[i] > phase_above[i]));
-            let by = of_above[i].wrapping_sub(of_below[i]).wrapping_add(up - down);
-            (step.unsigned_abs() <= MAX_ROW_STEP, by)
+            let order_step = of_above[i].wrapping_sub(of_below[i]).wrapping_add(up - down);
+            (step.unsigned_abs() <= MAX_ROW_STEP, order_step)
         };
         // A guess from one pixel, then a count of the pixels that agree.
-        let guess = |from: usize| (from..count).chain(0..from).map(by).find(|(near, _)| *near).map(|(_, by)| by);
+        let guess =
+            |from: usize| (from..count).chain(0..from).map(step_at).find(|(near, _)| *near).map(|(_, step)| step);
         let mut before = None;
         for from in [0, count / 2] {
             let wanted = guess(from)?;
@@ -185,9 +187,9 @@ impl Kernel for UniteKernel<'_> {
             }
             let (mut near, mut same) = (0_u32, 0_u32);
             for i in 0..count {
-                let (is_near, by) = by(i);
+                let (is_near, order_step) = step_at(i);
                 near += u32::from(is_near);
-                same += u32::from(is_near & (by == wanted));
+                same += u32::from(is_near & (order_step == wanted));
             }
             if near >= MIN_SHARED_PX && 3 * near >= 2 * count as u32 && 10 * same >= 9 * near {
                 return Some(i32::from(wanted));

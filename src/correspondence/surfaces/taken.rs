@@ -3,16 +3,16 @@
 //!
 //! ```text
 //! for each node that sees something outside, if nearly all its pixels fit its order:
-//!     mark the places of its marked pixels as taken, and what lies between neighbours
+//!     mark the places of its marked pixels as taken, and short gaps between the places of neighbours
 //! for each clear node that sees into the volume: mark its places as free
-//!     (what is hidden from C2 behind it may fit there too)
+//!     (a surface behind it that is hidden from C2 may fit there too)
 //! mask: remove the phase of C2 at every place that is taken with all places around it
 //!     (at borders C2 may see something else; a row between two taken rows counts as taken,
 //!     since C2 may see a surface larger than C1 does)
 //! ```
 //!
-//! A strip of a surface elsewhere, or a part of one that is hidden from C2, finds the phase of a wrong order in the
-//! image of the same surface in C2. That place has been explained already.
+//! A strip of a surface outside the volume, or a part of it that is hidden from C2, finds the phase of a wrong order in
+//! the image of the same surface in C2. Those places are explained already.
 
 use rayon::prelude::*;
 
@@ -24,8 +24,8 @@ use crate::correspondence::segment::SegmentRow;
 
 use super::NO_ORDER;
 use super::block::Block;
-use super::evidence::{RowScratch, Scratch};
 use super::nodes::{Node, Nodes};
+use super::scratch::{RowScratch, Scratch, Span, TakenRow};
 use crate::correspondence::view::View;
 
 /// Least share of the fitting pixels of a node whose places are taken.
@@ -38,23 +38,6 @@ const FREE: u8 = 0;
 /// Stands for no column.
 const NO_COLUMN_PX: f32 = -1.0;
 
-/// Scratch for a row of tiles.
-#[derive(Clone, Debug, Default)]
-pub(super) struct TakenRow {
-    /// Orders of the pixels of a row, and their columns in C2.
-    orders: Vec<i16>,
-    columns_px: Vec<f32>,
-    spans: Vec<Span>,
-}
-
-/// Columns of a row of the epipolar frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Span {
-    row: u32,
-    begin: u32,
-    end: u32,
-}
-
 impl Span {
     /// The place of one pixel.
     fn new(row_px: f32, column_px: f32) -> Self {
@@ -63,12 +46,12 @@ impl Span {
     }
 
     /// Extends the span by the place of the next pixel, if it is adjacent. Returns whether it is.
-    fn takes_in(&mut self, next: Self) -> bool {
-        let runs_on = next.row == self.row && next.begin >= self.begin && next.begin < self.end + MAX_GAP_PX;
-        if runs_on {
+    fn extend_by(&mut self, next: Self) -> bool {
+        let is_adjacent = next.row == self.row && next.begin >= self.begin && next.begin < self.end + MAX_GAP_PX;
+        if is_adjacent {
             self.end = self.end.max(next.end);
         }
-        runs_on
+        is_adjacent
     }
 }
 
@@ -81,14 +64,14 @@ impl Scratch {
         outside: &[bool],
         open: &mut EpipolarImage,
     ) -> bool {
-        let takes =
+        let takes_places =
             |node: &Node| node.sees_beyond && !node.is_unseen() && node.fitting >= MIN_FITTING * node.sampled as f32;
-        if !self.nodes.nodes.iter().any(takes) {
+        if !self.nodes.nodes.iter().any(takes_places) {
             return false;
         }
         self.taken.clear();
         self.taken.resize(view.cam2.phase.len(), FREE);
-        self.set_places(view, drift, takes, |pixel| outside[pixel], TAKEN);
+        self.set_places(view, drift, takes_places, |pixel| outside[pixel], TAKEN);
         self.set_places(view, drift, |node| node.is_within && node.is_clear(), |_| true, FREE);
         let width = view.cam2.width.max(1);
         let last = (view.cam2.phase.len() / width).saturating_sub(1);
@@ -152,7 +135,7 @@ impl RowScratch {
                     continue;
                 }
                 let next = Span::new(row_px, column_px);
-                if !spans.last_mut().is_some_and(|span| span.takes_in(next)) {
+                if !spans.last_mut().is_some_and(|span| span.extend_by(next)) {
                     spans.push(next);
                 }
             }

@@ -5,7 +5,8 @@ use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::semi_global::test_scene::TestScene;
 use crate::correspondence::view::View;
 
-use super::evidence::{Gate, Sampling};
+use super::evidence::Sampling;
+use super::order_scores::Gate;
 use super::*;
 
 fn view(scene: &TestScene) -> View<'_> {
@@ -32,7 +33,7 @@ fn nodes_of_a_plane_have_its_orders_at_every_level() {
         for pixel in (piece.begin as usize..piece.end as usize).filter(|_| node.is_clear()) {
             let order = node.order(piece.offset + i32::from(scratch.runs.relative[pixel]));
             let turns = f64::from(order) + f64::from(scene.cam1.phase[pixel]) / 65536.0;
-            // Some pixels are off by anything, by the scene.
+            // The scene contains some pixels whose phase is off by any amount.
             let off = (turns - f64::from(scene.turns[pixel])).abs();
             right += usize::from(off < 0.1);
             wrong += usize::from(off > 0.9 && off.fract() < 0.1);

@@ -84,7 +84,7 @@ impl Found {
     }
 }
 
-/// What the search of a row reads.
+/// Inputs of the search of a row.
 pub(super) struct Search<'a> {
     pub(super) image: &'a EpipolarImage,
     pub(super) segments: &'a SegmentRow,
@@ -129,7 +129,7 @@ impl Search<'_> {
             let active = lanes.and(regular, lanes.mask_of(lanes.exceeds(pixels.count, j)));
             if lanes.any(active) {
                 let begin = pixels.first_column(j);
-                self.order(lanes, &rows, begin, width, active, phases, &mut slots, &mut found.ends);
+                self.find_crossings(lanes, &rows, begin, width, active, phases, &mut slots, &mut found.ends);
             }
         }
         let irregular = lanes.or(lanes.and_not(wanted, regular), slots.irregular);
@@ -145,7 +145,7 @@ impl Search<'_> {
 
     /// Finds the crossings of one order in `width` columns from `begin` on.
     #[inline(always)]
-    fn order<L: Lanes>(
+    fn find_crossings<L: Lanes>(
         &self,
         lanes: L,
         rows: &Rows<L>,
@@ -178,11 +178,11 @@ impl Search<'_> {
                     let after = tables.difference(at);
                     let hit = lanes.and(crosses(lanes, before, after), here);
                     slots.irregular = lanes.or(slots.irregular, lanes.and(hit, crossing.hit));
-                    crossing.take(lanes, hit, before.value, after.value, at);
+                    crossing.set(lanes, hit, before.value, after.value, at);
                     before = after;
                 }
                 crossing.after_at = lanes.add(crossing.after_at, bases);
-                slots.take(lanes, &crossing);
+                slots.add(lanes, &crossing);
             }
         }
     }
@@ -308,13 +308,14 @@ impl<L: Lanes> Slots<L> {
         Self { crossings: [Crossing::none(lanes); SLOTS], irregular: lanes.mask(0) }
     }
 
+    /// Puts the crossings into the first free slots of their pixels.
     #[inline(always)]
-    fn take(&mut self, lanes: L, crossing: &Crossing<L>) {
+    fn add(&mut self, lanes: L, crossing: &Crossing<L>) {
         let mut rest = crossing.hit;
         let mut slot = 0;
         while slot < SLOTS && lanes.any(rest) {
             let here = lanes.and_not(rest, self.crossings[slot].hit);
-            self.crossings[slot].take(lanes, here, crossing.before, crossing.after, crossing.after_at);
+            self.crossings[slot].set(lanes, here, crossing.before, crossing.after, crossing.after_at);
             rest = lanes.and_not(rest, here);
             slot += 1;
         }

@@ -1,7 +1,8 @@
 //! Unique candidates: pixels with exactly one candidate, from which reference correspondences are selected (paper,
 //! 2.2.1).
 //!
-//! They are those that [`super::find_candidates`] finds, but computed 32 pixels at a time and without lists.
+//! They equal the candidates that [`super::find_candidates`] finds, but are computed 32 pixels at a time and without
+//! lists.
 
 mod kernel;
 
@@ -38,7 +39,7 @@ struct Scratch {
     list: Vec<Candidate>,
 }
 
-/// What the search reads, and the test that candidates pass.
+/// Inputs of the search: the phases and the back-projection test.
 #[derive(Clone, Copy)]
 pub(super) struct Search<'a> {
     pub(super) view: View<'a>,
@@ -86,7 +87,7 @@ impl UniqueCandidates {
     }
 }
 
-/// A row of C1, and what is found for it.
+/// A row of C1, and the results for it.
 struct Row<'a> {
     search: Search<'a>,
     phase: &'a [u16],
@@ -109,7 +110,7 @@ impl Kernel for Row<'_> {
         for block in 0..phase.len() {
             search.block(lanes, block * BLOCK, &phase[block], &valid[block], &mut found);
             if found.searched != 0 {
-                self.enter(block, &found);
+                self.store(block, &found);
             }
         }
         (phase.len() * BLOCK..self.phase.len()).for_each(|u| self.scan(u));
@@ -119,7 +120,7 @@ impl Kernel for Row<'_> {
 impl Row<'_> {
     /// Stores the results of a block, and scans the segments of irregular pixels.
     #[inline(always)]
-    fn enter(&mut self, block: usize, found: &kernel::Found) {
+    fn store(&mut self, block: usize, found: &kernel::Found) {
         // The first slot decides alone where no further slot passes; the rest of the pixels need their lists.
         let [first, others @ ..] = &found.passing;
         let mut rest = others.iter().fold(found.irregular, |all, slot| all | slot);

@@ -1,80 +1,12 @@
-//! The decoding kernel (paper, section 2.1). In: the samples of a band of pixels. Out: their phase, modulation, mean
-//! and validity. Cost: see [`super`].
-//!
-//! It decodes 32 pixels at a time, in whole numbers of 16 and 32 bits except for one division. A [`BlockDecoder`] that
-//! suits shifts and samples computes the values; this module checks, counts and stores them.
+//! 32 decoded pixels, and the trait of what decodes them. In: decoded values. Out: phase, modulation, mean and validity.
 
-use std::ops::Range;
+use fringeflow_simd::{LANES, Lanes};
 
-use fringeflow_base::grey::PixelFormat;
-use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
-use fringeflow_simd::{Kernel, LANES, Lanes, Level};
-
-use crate::phase::map::{DIM, Exposure, Modulation};
+use crate::phase::map::Exposure;
 use crate::phase::sample::Sample;
-use crate::phase::shifts::PhaseShifts;
 
-use super::even_steps::EvenSteps;
-use super::four_step::FourStep;
-use super::plan::Plan;
 use super::side_by_side::SideBySide;
-use super::unsaturated::UnsaturatedSolver;
-use super::weighted::Weighted;
-use super::{Counts, Validity};
-
-/// Limits in the units of the kernel.
-#[derive(Clone, Copy)]
-pub(super) struct Limits {
-    /// Stored value from which on a sample is saturated.
-    saturation: u16,
-    pub(super) grey_per_value: f32,
-    /// Smallest modulation of a valid pixel, and of one that is not dim.
-    least: Modulation,
-    not_dim: Modulation,
-    /// Largest residual ÷ modulation; infinite for three steps, which have no residual.
-    pub(super) max_share: f32,
-}
-
-impl Limits {
-    pub(super) fn new<S: Sample>(format: PixelFormat, validity: &Validity, steps: usize) -> Self {
-        let least_grey = validity.min_modulation_grey;
-        Self {
-            saturation: S::from_grey(validity.saturation_grey, format).value(),
-            grey_per_value: format.grey_per_value(),
-            least: Modulation::from_grey(least_grey),
-            not_dim: Modulation::from_grey(DIM * least_grey),
-            max_share: if steps == MIN_STEPS { f32::INFINITY } else { validity.max_residual_share },
-        }
-    }
-
-    /// Whether a sample is saturated.
-    pub(super) fn saturates<S: Sample>(&self, sample: S) -> bool {
-        sample.value() >= self.saturation
-    }
-
-    /// Whether a fit is good enough.
-    pub(super) fn accepts(&self, modulation: Modulation, residual_grey: f32) -> bool {
-        modulation >= self.least && residual_grey <= self.max_share.min(f32::MAX) * modulation.grey()
-    }
-}
-
-/// A band of pixels: samples of all images, and the planes for the results.
-pub(super) struct Band<'a, S> {
-    pub(super) samples: &'a [&'a [S]],
-    pub(super) plan: &'a Plan,
-    pub(super) limits: &'a Limits,
-    pub(super) shifts: &'a PhaseShifts,
-    pub(super) phase: &'a mut [u16],
-    pub(super) modulation: &'a mut [Modulation],
-    pub(super) mean: &'a mut [u8],
-    pub(super) valid: &'a mut [bool],
-}
-
-impl<S: Sample> Band<'_, S> {
-    pub(super) fn decode(self, level: Level) -> Counts {
-        fringeflow_simd::run(level, self)
-    }
-}
+use super::validity::Limits;
 
 /// Decoded values of 32 pixels.
 #[derive(Clone, Copy)]
@@ -102,109 +34,14 @@ pub(super) trait BlockDecoder<S: Sample> {
     ) -> [Block<L>; COUNT];
 }
 
-impl<S: Sample> Kernel for Band<'_, S> {
-    type Output = Counts;
-
-    #[inline(always)]
-    fn run<L: Lanes>(mut self, lanes: L) -> Counts {
-        let (plan, limits) = (self.plan, self.limits);
-        let mut counts = if S::IS_BYTE && plan.is_even {
-            match plan.steps {
-                3 => self.decode_blocks::<L, _, 4>(lanes, &EvenSteps::<1>::new(plan, limits)),
-                // Decided here: a branch inside the loop would keep its blocks from overlapping.
-                4 if limits.max_share >= 1.0 => {
-                    self.decode_blocks::<L, _, 4>(lanes, &FourStep::<true>::new(plan, limits))
-                }
-                4 => self.decode_blocks::<L, _, 4>(lanes, &FourStep::<false>::new(plan, limits)),
-                5..=8 => self.decode_blocks::<L, _, 8>(lanes, &EvenSteps::<2>::new(plan, limits)),
-                9..=12 => self.decode_blocks::<L, _, 12>(lanes, &EvenSteps::<3>::new(plan, limits)),
-                _ => self.decode_blocks::<L, _, MAX_STEPS>(lanes, &EvenSteps::<4>::new(plan, limits)),
-            }
-        } else {
-            self.decode_blocks::<L, _, MAX_STEPS>(lanes, &Weighted { plan, limits })
-        };
-        if counts.exposure.saturated_pixels > 0 {
-            self.decode_saturated(&mut counts);
-        }
-        counts
-    }
-}
-
-impl<S: Sample> Band<'_, S> {
-    /// Decodes all blocks of up to `STEPS` images: pairs of blocks, then single ones, then the incomplete last one.
-    #[inline(always)]
-    fn decode_blocks<L: Lanes, D: BlockDecoder<S>, const STEPS: usize>(&mut self, lanes: L, decoder: &D) -> Counts {
-        let mut counts = Counts::default();
-        let pixels = self.phase.len();
-        let (whole, rest) = (pixels / LANES, pixels % LANES);
-        let mut samples = [[].as_slice(); STEPS];
-        for (samples, k) in samples.iter_mut().zip(self.plan.order).take(self.plan.steps) {
-            *samples = self.samples[k];
-        }
-        let in_pairs = if L::TWO_AT_ONCE && D::IS_CHAIN { whole / 2 * 2 } else { 0 };
-        self.decode_part::<L, D, STEPS, 2>(lanes, decoder, &samples, 0..in_pairs, &mut counts);
-        self.decode_part::<L, D, STEPS, 1>(lanes, decoder, &samples, in_pairs..whole, &mut counts);
-        if rest > 0 {
-            let mut padded = [[S::default(); LANES]; STEPS];
-            for (padded, samples) in padded.iter_mut().zip(&samples).take(self.plan.steps) {
-                padded[..rest].copy_from_slice(&samples[whole * LANES..]);
-            }
-            let [decoded] = decoder.decode(SideBySide::<L, 1>(lanes), |k| [&padded[k]]);
-            let (mut phase, mut modulation, mut mean, mut valid) = ([0; LANES], [0; LANES], [0; LANES], [false; LANES]);
-            let to = (&mut phase, &mut modulation, &mut mean, &mut valid);
-            counts = counts.plus(decoded.check_and_store(lanes, self.limits, (1 << rest) - 1, to));
-            let places = whole * LANES..;
-            self.phase[places.clone()].copy_from_slice(&phase[..rest]);
-            bytemuck::cast_slice_mut(&mut self.modulation[places.clone()]).copy_from_slice(&modulation[..rest]);
-            self.mean[places.clone()].copy_from_slice(&mean[..rest]);
-            self.valid[places].copy_from_slice(&valid[..rest]);
-        }
-        counts
-    }
-
-    /// Decodes whole blocks, `COUNT` at a time.
-    #[inline(always)]
-    fn decode_part<L: Lanes, D: BlockDecoder<S>, const STEPS: usize, const COUNT: usize>(
-        &mut self,
-        lanes: L,
-        decoder: &D,
-        samples: &[&[S]; STEPS],
-        blocks: Range<usize>,
-        counts: &mut Counts,
-    ) {
-        let (pixels, times) = (blocks.start * LANES..blocks.end * LANES, blocks.len() / COUNT);
-        let mut chunks = [[].as_slice(); STEPS];
-        for (chunks, samples) in chunks.iter_mut().zip(samples).take(self.plan.steps) {
-            *chunks = &samples[pixels.clone()].as_chunks::<LANES>().0.as_chunks::<COUNT>().0[..times];
-        }
-        let phase = self.phase[pixels.clone()].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let modulation: &mut [u16] = bytemuck::cast_slice_mut(&mut self.modulation[pixels.clone()]);
-        let modulation = modulation.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let mean = self.mean[pixels.clone()].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let valid = self.valid[pixels].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        // With equal lengths in plain sight, the compiler drops the bounds checks in the loop.
-        let (phase, modulation, mean, valid) =
-            (&mut phase[..times], &mut modulation[..times], &mut mean[..times], &mut valid[..times]);
-        // A local copy stays in registers: stores through references could change `self.limits`.
-        let limits = *self.limits;
-        for t in 0..times {
-            let decoded = decoder.decode(SideBySide::<L, COUNT>(lanes), |k| chunks[k][t].each_ref());
-            for i in 0..COUNT {
-                let to = (&mut phase[t][i], &mut modulation[t][i], &mut mean[t][i], &mut valid[t][i]);
-                *counts = counts.plus(decoded[i].check_and_store(lanes, &limits, u32::MAX, to));
-            }
-        }
-    }
-}
-
 /// Destinations of phase, modulation, mean and validity of a block.
 type Places<'a> = (&'a mut [u16; LANES], &'a mut [u16; LANES], &'a mut [u8; LANES], &'a mut [bool; LANES]);
 
 impl<L: Lanes> Block<L> {
     /// Checks and counts the pixels whose bit in `used` is set, and stores all pixels. Pixels with saturated samples do
-    /// not count as valid: [`Band::decode_saturated`] decides about them.
+    /// not count as valid: [`super::band`] decides about them.
     #[inline(always)]
-    fn check_and_store(&self, lanes: L, limits: &Limits, used: u32, to: Places<'_>) -> Counts {
+    pub(super) fn check_and_store(&self, lanes: L, limits: &Limits, used: u32, to: Places<'_>) -> Counts {
         let saturated = lanes.bits(lanes.is_at_least(self.greatest, lanes.word(limits.saturation as i16))) & used;
         let lit = lanes.is_at_least(self.modulation, lanes.word(limits.least.0 as i16));
         let not_dim = lanes.is_at_least(self.modulation, lanes.word(limits.not_dim.0 as i16));
@@ -226,35 +63,15 @@ impl<L: Lanes> Block<L> {
     }
 }
 
-impl<S: Sample> Band<'_, S> {
-    /// Solves pixels with saturated samples again, without these samples.
-    #[cold]
-    #[inline(never)]
-    fn decode_saturated(&mut self, counts: &mut Counts) {
-        let mut solver = UnsaturatedSolver::new(self.shifts);
-        let pixels = self.phase.len();
-        for begin in (0..pixels).step_by(LANES) {
-            let mut saturated = [false; LANES];
-            let count = LANES.min(pixels - begin);
-            for samples in self.samples {
-                for (saturated, &sample) in saturated.iter_mut().zip(&samples[begin..begin + count]) {
-                    *saturated |= self.limits.saturates(sample);
-                }
-            }
-            for (pixel, _) in (begin..).zip(saturated).filter(|(_, is_saturated)| *is_saturated) {
-                let unsaturated_grey = |k: usize| {
-                    let sample = self.samples[k][pixel];
-                    (!self.limits.saturates(sample)).then(|| sample.grey(self.limits.grey_per_value))
-                };
-                let solution = solver.solve(unsaturated_grey);
-                self.valid[pixel] = solution.is_some_and(|s| self.limits.accepts(s.modulation, s.residual_grey));
-                if let Some(solution) = solution {
-                    self.phase[pixel] = solution.phase;
-                    self.modulation[pixel] = solution.modulation;
-                    self.mean[pixel] = solution.mean;
-                }
-                counts.valid_pixels += u64::from(self.valid[pixel]);
-            }
-        }
+/// Counts over the pixels of an image.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Counts {
+    pub(super) valid_pixels: u64,
+    pub(super) exposure: Exposure,
+}
+
+impl Counts {
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self { valid_pixels: self.valid_pixels + other.valid_pixels, exposure: self.exposure.plus(other.exposure) }
     }
 }

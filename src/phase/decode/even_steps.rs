@@ -1,15 +1,24 @@
 //! Decoder for equally spaced 8-bit samples: weighted sums, the bytes of four images at a time. Cost: one byte
 //! multiply-add per four images for each sum.
+//!
+//! ```text
+//! gather the bytes of four images side by side; keep the largest sample
+//! for each block: cosine, sine = weighted sums; sum = Σ I, squares = Σ I²     whole numbers
+//!     mean = sum / N, rounded
+//!     the pixel misfits if N·squares − sum² exceeds the part of the sinusoid by too much    never with three images
+//! for all blocks: phase, modulation = angle and length of (cosine, sine)      octant
+//! ```
 
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_simd::{FourWeights, LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-use super::block::{Block, BlockDecoder, Limits};
+use super::block::{Block, BlockDecoder};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::{PairWeights, Plan};
 use super::side_by_side::SideBySide;
+use super::validity::Limits;
 
 /// `FOURS` groups of four images; the last may be incomplete. A single group means three images, which have no
 /// residual.

@@ -1,14 +1,22 @@
 //! Decoder for four equally spaced 8-bit samples: cosine and sine are differences of two samples (paper, section 2.1:
 //! 4-phase algorithm). Cost: some forty operations on 16-bit words.
+//!
+//! ```text
+//! cosine = a − c, sine = d − b                                 a, b, c, d: the samples by rising shift
+//! mean = (a + b + c + d) / 4, rounded
+//! phase, modulation = angle and length of (cosine, sine) / 2   octant
+//! the pixel misfits if |a − b + c − d| / 2 > max_share · modulation
+//! ```
 
 use fringeflow_simd::{LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-use super::block::{Block, BlockDecoder, Limits};
+use super::block::{Block, BlockDecoder};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::Plan;
 use super::side_by_side::SideBySide;
+use super::validity::Limits;
 
 /// `IS_LOOSE`: whether the largest residual is at least the modulation.
 pub(super) struct FourStep<const IS_LOOSE: bool> {

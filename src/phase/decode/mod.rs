@@ -9,11 +9,12 @@
 //!     for each block of 32 pixels:
 //!         sums of cosine, sine and offset    four_step, even_steps or weighted, by shifts and sample size
 //!         ─► angle and length                octant
-//!         ─► validity, counts, planes        block
+//!         ─► validity, counts, planes        block, band
 //!     if any sample was saturated: solve its pixel again without it       unsaturated
 //! fit statistics and harmonics, from some hundred pixels                  statistics
 //! ```
 
+mod band;
 mod block;
 mod even_steps;
 mod four_step;
@@ -24,6 +25,7 @@ mod statistics;
 #[cfg(test)]
 mod tests;
 mod unsaturated;
+mod validity;
 mod weighted;
 
 use rayon::prelude::*;
@@ -33,36 +35,19 @@ use fringeflow_base::limits::MAX_STEPS;
 use fringeflow_simd::Level;
 
 use super::harmonics::RestingHarmonics;
-use super::map::{Exposure, PhaseMap};
+use super::map::PhaseMap;
 use super::sample::Sample;
 use super::shifts::PhaseShifts;
 
-use block::{Band, Limits};
+use band::Band;
+use block::Counts;
 use plan::Plan;
+use validity::Limits;
 
-/// Pixels of a task: some rows. There are then many more tasks than threads, but few partial sums.
-const BAND: usize = 16_384;
+pub use validity::Validity;
 
-/// Criteria for a valid phase.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Validity {
-    /// Smallest modulation, grey levels.
-    pub min_modulation_grey: f32,
-    /// Grey level from which on a sample is saturated and left out of the fit. In deeper images 255 means 255 · 2^(bits
-    /// − 8) and more, for example 4080 to 4095 of 12 bits: the values that 8 bits would show as 255.
-    pub saturation_grey: u8,
-    /// Largest fit residual (standard deviation of the grey levels about the sinusoid) ÷ modulation.
-    ///
-    /// Gamma and clipping cause residuals of 0.2 to 0.6, and the phase is still useful. A lost or exchanged image or a
-    /// moving edge causes more.
-    pub max_residual_share: f32,
-}
-
-impl Default for Validity {
-    fn default() -> Self {
-        Self { min_modulation_grey: 5.0, saturation_grey: 255, max_residual_share: 1.0 }
-    }
-}
+/// Pixels of a task: some rows. That makes many more tasks than threads, but few partial sums.
+const BAND_PX: usize = 16_384;
 
 /// Decodes the N images of one camera, each `width · height` grey levels row by row.
 ///
@@ -127,16 +112,15 @@ fn decode_samples<S: Sample>(
     let plan = Plan::new(shifts);
     let limits = Limits::new::<S>(format, validity, shifts.steps());
     let level = Level::in_use();
-    let bands = map
-        .phase
-        .par_chunks_mut(BAND)
-        .zip(map.modulation.par_chunks_mut(BAND))
-        .zip(map.mean.par_chunks_mut(BAND))
-        .zip(map.valid.par_chunks_mut(BAND))
-        .enumerate();
-    let decoded = bands.map(|(i, (((phase, modulation), mean), valid))| {
+    let planes = (
+        map.phase.par_chunks_mut(BAND_PX),
+        map.modulation.par_chunks_mut(BAND_PX),
+        map.mean.par_chunks_mut(BAND_PX),
+        map.valid.par_chunks_mut(BAND_PX),
+    );
+    let decoded = planes.into_par_iter().enumerate().map(|(i, (phase, modulation, mean, valid))| {
         let mut samples = [[].as_slice(); MAX_STEPS];
-        samples.iter_mut().zip(images).for_each(|(samples, image)| *samples = &image[i * BAND..][..phase.len()]);
+        samples.iter_mut().zip(images).for_each(|(samples, image)| *samples = &image[i * BAND_PX..][..phase.len()]);
         let samples = &samples[..images.len()];
         Band { samples, plan: &plan, limits: &limits, shifts, phase, modulation, mean, valid }.decode(level)
     });
@@ -152,17 +136,4 @@ fn decode_samples<S: Sample>(
         map,
     );
     map.motion = None;
-}
-
-/// Counts over the pixels of an image.
-#[derive(Clone, Copy, Default)]
-struct Counts {
-    valid_pixels: u64,
-    exposure: Exposure,
-}
-
-impl Counts {
-    fn plus(self, other: Self) -> Self {
-        Self { valid_pixels: self.valid_pixels + other.valid_pixels, exposure: self.exposure.plus(other.exposure) }
-    }
 }

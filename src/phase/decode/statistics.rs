@@ -1,5 +1,11 @@
 //! Fit statistics and harmonics of an image from a sample of its pixels. In: images and validity. Out:
 //! [`FitStatistics`] and harmonics. Cost: 640 valid pixels, independent of the size of the image.
+//!
+//! ```text
+//! for each sixteen of the pixels that are spread over the image:
+//!     load the samples of the valid, unsaturated ones
+//!     for each of them: fit, add its residual to the histograms and its normal equations to the harmonics
+//! ```
 
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
@@ -10,7 +16,7 @@ use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 use crate::phase::shifts::PhaseShifts;
 
-use super::block::Limits;
+use super::validity::Limits;
 
 /// Sampled valid pixels. At usual noise, medians are then exact to 5 %, harmonics to 0.1 % of the modulation.
 const PIXELS: usize = 640;

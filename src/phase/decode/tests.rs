@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 use fringeflow_base::limits::MIN_STEPS;
 
-use crate::phase::map::{FitStatistics, Modulation};
+use crate::phase::map::{Exposure, FitStatistics, Modulation};
 
 use super::*;
 

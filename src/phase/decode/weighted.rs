@@ -1,16 +1,26 @@
 //! Decoder for any shifts and sample size: weighted sums, two images at a time, then the residual image by image. Cost:
 //! N multiply-adds for each of three sums, and six operations per image for the residual.
+//!
+//! ```text
+//! for each two images a, b:  cosine, sine, offset += weights · (a, b)         whole numbers
+//! phase, modulation = angle and length of (cosine, sine)                      octant
+//! mean = offset without the bias of the samples, rounded
+//! for each image k:  squares += (I_k − offset − cosine·cos s_k + sine·sin s_k)²
+//! the pixel misfits if squares > max_share² · (N − 3) · (cosine² + sine²)     never with three images
+//! ```
 
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_simd::{LANES, Lanes};
 
 use crate::phase::sample::Sample;
 
-use super::block::{Block, BlockDecoder, Limits};
+use super::block::{Block, BlockDecoder};
 use super::octant::{Direction, angle, hypotenuse};
 use super::plan::Plan;
 use super::side_by_side::SideBySide;
+use super::validity::Limits;
 
+/// Decodes by the weights of a plan.
 pub(super) struct Weighted<'a> {
     pub(super) plan: &'a Plan,
     pub(super) limits: &'a Limits,

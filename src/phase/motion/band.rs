@@ -198,6 +198,13 @@ impl<S: Sample> Band<'_, '_, S> {
     }
 
     /// Computes phase, modulation, mean and validity of a block.
+    ///
+    /// ```text
+    /// z = fitted z without the ripple that the motion causes
+    /// offset, residual = of the samples about the sinusoid z that moves like this
+    /// valid if the motion is known, z is determined, |z| large enough and residual ≤ max_residual_share · |z|
+    /// store phase, modulation, mean, validity, motion and residual; add the valid pixels to the statistics
+    /// ```
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2], motion_rad: L::Reals, turns: &mut Turns<L>) {
         let l = lanes;
@@ -213,7 +220,6 @@ impl<S: Sample> Band<'_, '_, S> {
         let (z, has_contrast) = without_ripple(l, responses, z);
         let place = [row * width + block * LANES, count];
         let [offset, residual] = turns.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
-        // Validity.
         let [re, im] = z;
         let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));

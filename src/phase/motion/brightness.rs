@@ -28,8 +28,10 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
-use super::fit::{MotionFit, time, unexplained};
+use super::brightness_plan::BrightnessEqualization;
+use super::fit::MotionFit;
 use super::follow::Fits;
+use super::image_times::time;
 use super::images::Images;
 
 /// Side of a block, pixels: some fringes, so that all phases occur; and distance between blocks.
@@ -59,9 +61,9 @@ pub(super) fn compensate<S: Sample>(
 ) -> f32 {
     let plain = images.grey_per_value;
     for _ in 0..ROUNDS {
-        let Some(departures) = departures(level, images, fits, validity, scratch) else { break };
-        for (grey_per_value, departure) in images.grey_per_value.iter_mut().zip(&departures) {
-            *grey_per_value /= (1.0 + departure) as f32;
+        let Some(deviations) = deviations(level, images, fits, validity, scratch) else { break };
+        for (grey_per_value, deviation) in images.grey_per_value.iter_mut().zip(&deviations) {
+            *grey_per_value /= (1.0 + deviation) as f32;
         }
     }
     let share = |(now, before): (&f32, &f32)| (before / now - 1.0).abs();
@@ -89,7 +91,7 @@ impl BrightnessSums {
 }
 
 /// γ of every image; `None` without usable pixels.
-fn departures<S: Sample>(
+fn deviations<S: Sample>(
     level: Level,
     images: &Images<'_, S>,
     fits: Fits<'_>,
@@ -97,7 +99,7 @@ fn departures<S: Sample>(
     scratch: &mut Vec<BrightnessSums>,
 ) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
-    let observable = &fits.common().levelling.as_ref()?.observable;
+    let observable = &fits.common().equalization.as_ref()?.observable;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     scratch.clear();
     scratch.resize_with(starts(images.height).len(), BrightnessSums::default);
@@ -106,7 +108,7 @@ fn departures<S: Sample>(
         for u in starts(images.width) {
             let (v, centre) = (row * PITCH, BLOCK / 2);
             let (fit, _) = fits.for_block([v + centre, (u + centre) / LANES]);
-            let Some(Levelling { projector, .. }) = &fit.levelling else { continue };
+            let Some(BrightnessEqualization { projector, .. }) = &fit.equalization else { continue };
             let first = v * images.width + u;
             let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
             fringeflow_simd::run(level, block);
@@ -132,37 +134,11 @@ fn departures<S: Sample>(
         solution[k] = direction.iter().zip(&sums.right).map(|(a, b)| a * b).sum();
     }
     reduced.cholesky()?.solve_mut(&mut solution);
-    let mut departures = [0.0; MAX_IMAGES];
-    for (i, departure) in departures.iter_mut().enumerate().take(count) {
-        *departure = observable.iter().zip(&solution).map(|(direction, part)| part * direction[i]).sum();
+    let mut deviations = [0.0; MAX_IMAGES];
+    for (i, deviation) in deviations.iter_mut().enumerate().take(count) {
+        *deviation = observable.iter().zip(&solution).map(|(direction, part)| part * direction[i]).sum();
     }
-    departures.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(departures)
-}
-
-/// The part of brightness compensation that depends on the shifts alone.
-#[derive(Clone, Debug)]
-pub(super) struct Levelling {
-    /// See [`residual_projector`].
-    pub(super) projector: Vec<Vec<f64>>,
-    /// Directions of γ that are orthogonal to sinusoids of the shifts.
-    observable: Vec<Vec<f64>>,
-}
-
-impl Levelling {
-    /// `None` where the shifts determine no sinusoid.
-    pub(super) fn new(shifts_rad: &[f64]) -> Option<Self> {
-        let basis: Vec<[f64; 3]> = shifts_rad.iter().map(|s| [1.0, s.cos(), s.sin()]).collect();
-        Some(Self { projector: residual_projector(shifts_rad)?, observable: unexplained(&basis) })
-    }
-}
-
-/// Matrix, row by row, that projects the samples of a pixel onto the complement of all sinusoids with these shifts.
-fn residual_projector(shifts_rad: &[f64]) -> Option<Vec<Vec<f64>>> {
-    let rows: Vec<nalgebra::Vector3<f64>> =
-        shifts_rad.iter().map(|s| nalgebra::Vector3::new(1.0, s.cos(), -s.sin())).collect();
-    let inverse = rows.iter().map(|row| row * row.transpose()).sum::<nalgebra::Matrix3<f64>>().try_inverse()?;
-    let entry = |i: usize, j: usize| f64::from(u8::from(i == j)) - rows[i].dot(&(inverse * rows[j]));
-    Some((0..rows.len()).map(|i| (0..rows.len()).map(|j| entry(i, j)).collect()).collect())
+    deviations.iter().all(|gamma| gamma.abs() <= LARGEST).then_some(deviations)
 }
 
 /// One number per pixel of a block.
@@ -188,6 +164,14 @@ impl Default for BlockSamples {
 }
 
 /// Adds the normal equations of a block, without its motion, to the sums.
+///
+/// ```text
+/// load and fit the block; keep lit pixels without edges; stop if their motion is unknown
+/// moments of A, Re z and Im z with each other and with each image, the motion taken out
+/// for each pair of images i, j, with Q the projection onto the complement of all sinusoids:
+///     right[i]     += Q[i][j] · ⟨model of i, grey levels of j⟩
+///     normal[i][j] += Q[i][j] · ⟨model of i, model of j⟩
+/// ```
 struct Block<'a, S> {
     images: &'a Images<'a, S>,
     fit: &'a MotionFit,

@@ -16,8 +16,9 @@ use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 
 use crate::phase::shifts::ShiftError;
 
-use super::brightness::Levelling;
-use super::one_surface::runs;
+use super::brightness_plan::BrightnessEqualization;
+use super::complement::unexplained;
+use super::image_times::{runs, side, time};
 
 /// Unknowns of the linear fit: A, real and imaginary part of z and z', and A'.
 const UNKNOWNS: usize = 6;
@@ -57,8 +58,8 @@ pub struct MotionFit {
     pub(super) fine: Response,
     /// Whether A' is determined and therefore not part of the residual.
     pub(super) has_trend: bool,
-    /// Residuals of the fit without A' besides the last of the [`SUMS`]: unit vectors of image weights, one per
-    /// residual.
+    /// Further residuals of the fit without A'; the first one is the last of the [`SUMS`]. Each is a unit vector of
+    /// image weights.
     pub(super) residuals: Vec<Vec<f32>>,
     /// Response of z' to the conjugate of z.
     pub(super) slope_ripple: TurnedSum,
@@ -69,8 +70,8 @@ pub struct MotionFit {
     pub(super) limits: [f32; 2],
     pub(super) motions_rad: Vec<f32>,
     noise_gain: f32,
-    /// For brightness compensation.
-    pub(super) levelling: Option<Levelling>,
+    /// For equalizing the brightness of the images.
+    pub(super) equalization: Option<BrightnessEqualization>,
     /// Time (images) and phase shift (rad) of each image.
     pub(super) moments: Vec<[f32; 2]>,
     /// First and last images of the runs that may show a single surface, the longest first.
@@ -123,6 +124,13 @@ struct MotionTable {
 
 impl MotionFit {
     /// The fit of images with these shifts (rad) in order of time, equally spaced in time.
+    ///
+    /// ```text
+    /// weights = least squares without A'; phase weights = with A', if that is little noisier than a resting scene
+    /// responses H and G of both fits, and of z', to a moving sinusoid
+    /// residuals = what the unknowns without A' leave unexplained
+    /// tables from the fitted slope Im(z'/z) to the motion, one for each direction of motion
+    /// ```
     ///
     /// # Errors
     /// Fewer than five images, more than [`MAX_IMAGES`], a shift that is not finite, or shifts that do not determine
@@ -178,7 +186,7 @@ impl MotionFit {
             residuals: unexplained.map(|row| weight(&row)).collect(),
             weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
             noise_gain: noise_gain as f32,
-            levelling: Levelling::new(shifts_rad),
+            equalization: BrightnessEqualization::new(shifts_rad),
             moments: (0..images).map(|i| [time(i, images) as f32, shifts_rad[i] as f32]).collect(),
             runs: runs(images),
             shifts_rad: shifts_rad.to_vec(),
@@ -234,41 +242,6 @@ fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[V
     let inverse = normal.try_inverse().filter(|_| values.min() > MIN_EIGENVALUE_SHARE * values.max())?;
     Some(std::array::from_fn(|k| basis.iter().map(|row| (inverse * row)[k]).collect()))
 }
-
-/// Orthonormal basis of the complement of the columns of `basis`, which has one row per image (Gram and Schmidt).
-pub(super) fn unexplained<const COLUMNS: usize>(basis: &[[f64; COLUMNS]]) -> Vec<Vec<f64>> {
-    /// Vectors shorter than this are linearly dependent.
-    const MIN_LENGTH: f64 = 1e-6;
-    let images = basis.len();
-    let explained = (0..COLUMNS).map(|k| basis.iter().map(|row| row[k]).collect::<Vec<f64>>());
-    let units = (0..images).map(|i| (0..images).map(|j| f64::from(u8::from(i == j))).collect());
-    let mut directions: Vec<Vec<f64>> = Vec::with_capacity(images);
-    for mut direction in explained.chain(units) {
-        for other in &directions {
-            let projection: f64 = other.iter().zip(&direction).map(|(a, b)| a * b).sum();
-            direction.iter_mut().zip(other).for_each(|(value, a)| *value -= projection * a);
-        }
-        let length = direction.iter().map(|value| value * value).sum::<f64>().sqrt();
-        if length > MIN_LENGTH {
-            direction.iter_mut().for_each(|value| *value /= length);
-            directions.push(direction);
-        }
-    }
-    directions.into_iter().skip(COLUMNS).take(images - COLUMNS).collect()
-}
-
-/// Time of an image since the centre of the window, counted in images.
-pub(super) fn time(image: usize, images: usize) -> f64 {
-    image as f64 - (images as f64 - 1.0) / 2.0
-}
-
-/// −1 for images before the centre of the window, otherwise 1.
-pub(super) fn side(image: usize, images: usize) -> f32 {
-    if image < images / 2 { -1.0 } else { 1.0 }
-}
-
-/// Fewest samples whose fit has a residual.
-pub(super) const LEAST_FITTED: usize = MIN_STEPS + 1;
 
 /// `(re + i·im)·e^(i·angle)/2`.
 fn half_product([re, im]: [f64; 2], angle: f64) -> [f64; 2] {

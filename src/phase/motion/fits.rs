@@ -3,7 +3,8 @@
 
 use crate::phase::shifts::ShiftError;
 
-use super::fit::{MotionFit, time};
+use super::fit::MotionFit;
+use super::image_times::time;
 
 /// Range of motions that share one fit, rad per image. The rest is measured as motion of each pixel.
 const BIN_RAD: f32 = 0.1;

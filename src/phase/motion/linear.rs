@@ -1,5 +1,11 @@
 //! The linear fit of 32 pixels. In: samples. Out: A, z, z' and a weight for the motion. Cost: eight multiply-adds per
 //! sample, and one more for each further residual.
+//!
+//! ```text
+//! for each image i:  sums += weights[i] · grey level          A, z, z', z for the phase, first residual
+//! squares = (first residual)² + Σ (further residual)²         what no motion explains: an edge
+//! weight = half / (half + squares), half = (0.1·|z|)²         0 for dark pixels, 1e-3 of it for saturated ones
+//! ```
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{LANES, Lanes, first_lanes};

@@ -23,11 +23,14 @@
 
 mod band;
 mod brightness;
+mod brightness_plan;
+mod complement;
 mod estimate;
 mod fit;
 mod fits;
 mod flow;
 mod follow;
+mod image_times;
 mod images;
 mod linear;
 mod moved;

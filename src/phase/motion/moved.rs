@@ -6,7 +6,8 @@ use fringeflow_simd::Lanes;
 
 use crate::phase::sample::Sample;
 
-use super::fit::{Complex, MotionFit, TurnedSum, side, time};
+use super::fit::{Complex, MotionFit, TurnedSum};
+use super::image_times::{side, time};
 use super::images::Images;
 
 /// Smallest contrast |H|² − |G|² that separates z from its ripple.
@@ -72,8 +73,8 @@ impl<L: Lanes> Turns<L> {
         sums
     }
 
-    /// Offset of the samples of `count` pixels from `pixel` on, and their standard deviation about the moving sinusoids
-    /// z, grey levels. `offset` is an estimate of the offset.
+    /// Returns the offset of the samples of `count` pixels from `pixel` on, and the standard deviation of the samples
+    /// about the moving sinusoids z; both in grey levels. The parameter `offset` is an estimate of the offset.
     #[inline(always)]
     pub(super) fn residual<S: Sample>(
         &self,

@@ -17,7 +17,6 @@ use crate::phase::map::{DIM, Exposure, FitStatistics, Modulation};
 use crate::phase::sample::Sample;
 
 use super::band::{BlockFit, Planes};
-use super::fit::LEAST_FITTED;
 use super::follow::Fits;
 use super::images::Images;
 use super::solve::{BATCH, Batch, Solutions};
@@ -154,6 +153,13 @@ impl<S: Sample> Repair<'_, S> {
     }
 
     /// Decodes pixels of a row again, at most `BATCH`.
+    ///
+    /// ```text
+    /// load the samples and the motion of every pixel; saturated samples do not count
+    /// for each run of images that includes the centre: fit all pixels; keep the best fit of each
+    /// store the best fits; a pixel without one becomes invalid
+    /// count: one surface, lost, exposure, motion
+    /// ```
     #[inline(always)]
     fn decode_again(&mut self, columns: &[u32], row: usize) {
         let one_surface = self.one_surface;
@@ -239,33 +245,6 @@ impl Best {
                 self.share[p] = share;
                 self.offset[p] = others.offset[p];
                 (self.z[0][p], self.z[1][p]) = (re, im);
-            }
-        }
-    }
-}
-
-/// Runs of images that include the centre of the window and have a residual, the longest first.
-pub(super) fn runs(images: usize) -> Vec<[usize; 2]> {
-    let has_centre = |first: usize, last: usize| 2 * first < images && 2 * last + 2 > images;
-    let mut lengths: Vec<usize> = [images, images.saturating_sub(2), images.div_ceil(2) + 1].into();
-    lengths.retain(|&length| length >= LEAST_FITTED);
-    lengths.dedup();
-    let runs = |length: usize| (0..=images - length).map(move |first| [first, first + length - 1]);
-    lengths.into_iter().flat_map(runs).filter(|&[first, last]| has_centre(first, last)).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn runs_include_the_centre_and_have_a_residual() {
-        assert_eq!(runs(6), [[0, 5], [0, 3], [1, 4], [2, 5]]);
-        assert_eq!(runs(5), [[0, 4], [0, 3], [1, 4]]);
-        for images in 5..24 {
-            for [first, last] in runs(images) {
-                let middle = (images - 1) as f64 / 2.0;
-                assert!(first as f64 <= middle + 0.5 && last as f64 >= middle - 0.5 && last < images);
             }
         }
     }

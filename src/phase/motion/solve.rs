@@ -3,7 +3,7 @@
 
 use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 
-use super::fit::LEAST_FITTED;
+use super::image_times::LEAST_FITTED;
 
 /// Pixels solved together.
 pub(super) const BATCH: usize = 32;
@@ -56,6 +56,12 @@ impl Batch {
     }
 
     /// Fits moving sinusoids to the images from `first` to `last`: `I_i = A + Re(z·e^(iθ_i))`.
+    ///
+    /// ```text
+    /// for each pixel: sums of the normal equations over its kept samples
+    ///     A, z = solution by cofactors; not determined if the determinant is zero or few samples are kept
+    ///     residual = √( Σ kept·(I − A − Re(z·e^(iθ)))² / (kept samples − 3) )
+    /// ```
     #[inline(always)]
     pub(super) fn solve(&self, [first, last]: [usize; 2]) -> Solutions {
         let zero = [0.0; BATCH];

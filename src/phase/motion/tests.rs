@@ -30,7 +30,7 @@ impl Scene {
     fn images(&self, steps: usize, images: usize, first: usize) -> Vec<Vec<u8>> {
         (0..images)
             .map(|i| {
-                let (t, shift) = (fit::time(i, images), TAU * ((first + i) % steps) as f64 / steps as f64);
+                let (t, shift) = (image_times::time(i, images), TAU * ((first + i) % steps) as f64 / steps as f64);
                 let grey = |pixel: usize| {
                     let (u, v) = (pixel % WIDTH, pixel / WIDTH);
                     let phase = (self.phase_rad)(u, v) + (self.motion_rad)(u, v) * t + shift;
@@ -97,7 +97,7 @@ fn the_sign_of_the_motion_is_measured() {
 }
 
 #[test]
-fn images_of_different_brightness_are_levelled() {
+fn images_of_different_brightness_are_equalized() {
     // Every second image is brighter. Uncompensated, with four steps, half of the difference would appear as phase
     // error.
     let flicker = |i: usize| [0.97, 1.03][i % 2];
@@ -188,7 +188,7 @@ impl Wall {
 
     fn images(&self, images: usize) -> Vec<Vec<u8>> {
         let grey = |i: usize, u: usize| {
-            let bar = ((u as f64 - self.velocity_px * fit::time(i, images)) / 3.0).sin();
+            let bar = ((u as f64 - self.velocity_px * image_times::time(i, images)) / 3.0).sin();
             let albedo = 0.6 + 0.35 * bar;
             albedo * (110.0 + 80.0 * (Self::phase_rad(u) + TAU * i as f64 / 4.0).cos())
         };

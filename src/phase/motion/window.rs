@@ -22,10 +22,11 @@ use crate::phase::sample::Sample;
 
 use super::band::{Band, BandScratch, BlockFit, Planes};
 use super::brightness::{BrightnessSums, compensate};
-use super::fit::{MotionFit, time};
+use super::fit::MotionFit;
 use super::fits::MotionFits;
 use super::flow::Flow;
 use super::follow::{Fits, FollowScratch, follow};
+use super::image_times::time;
 use super::images::Images;
 use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
 use super::speeds::Speeds;
@@ -140,15 +141,16 @@ fn bands<'a>(
 ) -> impl IndexedParallelIterator<Item = (Range<usize>, Planes<'a>, &'a mut (BandScratch, RepairScratch))> {
     let (width, height) = (map.width.max(1), map.height);
     let pixels = rows * width;
-    let planes = map
-        .phase
-        .par_chunks_mut(pixels)
-        .zip(map.modulation.par_chunks_mut(pixels))
-        .zip(map.mean.par_chunks_mut(pixels))
-        .zip(map.valid.par_chunks_mut(pixels))
-        .zip(scratch.block_fits.par_chunks_mut(rows * width.div_ceil(LANES)))
-        .zip(&mut scratch.bands);
-    planes.enumerate().map(move |(band, (((((phase, modulation), mean), valid), block_fits), scratch))| {
+    let planes = (
+        map.phase.par_chunks_mut(pixels),
+        map.modulation.par_chunks_mut(pixels),
+        map.mean.par_chunks_mut(pixels),
+        map.valid.par_chunks_mut(pixels),
+        scratch.block_fits.par_chunks_mut(rows * width.div_ceil(LANES)),
+        &mut scratch.bands,
+    );
+    planes.into_par_iter().enumerate().map(move |(band, planes)| {
+        let (phase, modulation, mean, valid, block_fits, scratch) = planes;
         let rows = band * rows..((band + 1) * rows).min(height);
         (rows, Planes { phase, modulation, mean, valid, block_fits }, scratch)
     })

@@ -55,7 +55,7 @@ impl Block {
                 let corner = [number % columns * pitch, number / columns * pitch];
                 let is_usable =
                     fringeflow_simd::run(level, MomentsKernel { block, greys, images, width, corner, validity });
-                block.signal = if is_usable { Signal::new(block, validity) } else { None };
+                block.signal = if is_usable { Signal::new(&block.products, block.images, validity) } else { None };
             }
         });
     }
@@ -67,7 +67,7 @@ impl Block {
         for (products, own) in self.products[..images].iter_mut().zip(brightness) {
             products[..images].iter_mut().zip(brightness).for_each(|(product, other)| *product /= other * own);
         }
-        self.signal = Signal::new(self, validity);
+        self.signal = Signal::new(&self.products, self.images, validity);
     }
 
     /// The block with one image removed.
@@ -78,7 +78,7 @@ impl Block {
             rest.mean[i] = self.mean[from(i)];
             (0..rest.images).for_each(|j| rest.products[i][j] = self.products[from(i)][from(j)]);
         }
-        rest.signal = Signal::new(&rest, validity);
+        rest.signal = Signal::new(&rest.products, rest.images, validity);
         rest
     }
 

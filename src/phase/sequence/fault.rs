@@ -1,5 +1,4 @@
-//! Possible faults of a window. In: a fault. Out: the steps and times that its images then show. Cost: none to speak
-//! of.
+//! Possible faults of a window. In: a fault. Out: the steps and times that its images then show. Cost: negligible.
 
 use fringeflow_base::limits::MAX_IMAGES;
 
@@ -46,12 +45,12 @@ pub struct SequenceFault {
 impl std::fmt::Display for SequenceFaultKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Lost { after, images: 1 } => write!(f, "an image was lost behind image {}", after + 1),
-            Self::Lost { after, images } => write!(f, "{images} images were lost behind image {}", after + 1),
-            Self::Duplicated { image } => write!(f, "image {} came twice", image + 1),
+            Self::Lost { after, images: 1 } => write!(f, "an image was lost after image {}", after + 1),
+            Self::Lost { after, images } => write!(f, "{images} images were lost after image {}", after + 1),
+            Self::Duplicated { image } => write!(f, "image {} is repeated", image + 1),
             Self::Swapped { first } => write!(f, "images {} and {} are exchanged", first + 1, first + 2),
             Self::Wrong { image } => write!(f, "image {} shows something else", image + 1),
-            Self::Unexplained => write!(f, "no order of the steps explains them"),
+            Self::Unexplained => write!(f, "no order of the steps explains the images"),
         }
     }
 }

@@ -19,41 +19,42 @@ use crate::phase::Validity;
 
 use super::Vector;
 use super::block::Block;
-use super::check::SequenceCheck;
+use super::declared::DeclaredSteps;
 use super::fault::{Hypothesis, SequenceFault, SequenceFaultKind};
 use super::signal::Signal;
 use super::span::{FASTEST_RAD, Planes};
 
 /// Fewest blocks that allow a decision.
 pub(super) const LEAST_BLOCKS: usize = 4;
-/// Other steps are tried first with few blocks. Those that leave at most twice the residual of the best are tried with
-/// more.
-const FEW_TRIED: usize = 12;
-const MOST_TRIED: usize = 64;
-const PROMISING: f64 = 2.0;
-/// Factor by which the residual of a fault must be less than that of the declared steps, and share of the blocks in
-/// which it must be less. Residuals from motion differ from block to block, and other steps fit some blocks by chance.
-const LESS: f64 = 1.3;
-const AGREEMENT: f64 = 0.9;
-/// Factor by which the residual must be less without a foreign image. It is large, because no single block shows which
-/// image is foreign.
-const LESS_WITHOUT: f64 = 3.0;
+/// Other steps are tried first with few blocks. Those that leave at most [`PROMISING_RATIO`] times the residual of the
+/// best are tried with more.
+const FIRST_BLOCKS: usize = 12;
+const MORE_BLOCKS: usize = 64;
+const PROMISING_RATIO: f64 = 2.0;
+/// Factor by which the residual of a fault of order must be less than that of the declared steps, and share of the
+/// blocks in which it must be less. Residuals from motion differ from block to block, and other steps fit some blocks
+/// by chance.
+const LESS_THAN_NOMINAL: f64 = 1.3;
+const MIN_AGREEMENT: f64 = 0.9;
+/// Factor by which the residual must be less without a foreign image than with it. It is large, because no single block
+/// shows which image is foreign.
+const LESS_WITHOUT_IMAGE: f64 = 3.0;
 /// Residual share of the modulation that counts as zero.
 const FLOOR_SHARE: f64 = 0.01;
-/// Faults with up to this multiple of the smallest residual are as good as the best; the most likely one is reported.
-const AS_GOOD: f64 = 1.5;
+/// Faults with up to this multiple of the smallest residual count as equally good; the most likely of them is reported.
+const AS_GOOD_RATIO: f64 = 1.5;
 /// Factor by which the residual without an image must be less than with any fault of order, which keeps all images.
 const LESS_THAN_ANY_ORDER: f64 = 1.5;
 /// Share of the blocks that must be coherent without an image for it to be foreign, if few are coherent with it.
-const MOST: f64 = 0.75;
+const MIN_COHERENT_SHARE: f64 = 0.75;
 /// Residual share of the modulation that no motion causes.
 const UNEXPLAINED_SHARE: f64 = 0.2;
 /// One in this many lit blocks decides about the declared steps: the most coherent ones.
-const ONE_IN: usize = 5;
+const DECIDING_ONE_IN: usize = 5;
 /// Largest mean squared difference between copies of one image, grey levels.
-const SAME_SQUARE: f64 = 1e-6;
-/// A fault hidden by motion: all blocks share a motion of at least the first, and with the fault rest to within the
-/// second.
+const MAX_COPY_SQUARE: f64 = 1e-6;
+/// A fault hides behind steady motion if all blocks share at least the first motion, rad per image, and with the fault
+/// all rest to within the second.
 const SHARED_MOTION_RAD: f64 = 0.3;
 const RESTING_RAD: f64 = 0.06;
 /// Largest residual share of the modulation of such a fault.
@@ -74,7 +75,7 @@ struct Residual {
 #[derive(Clone, Copy, Debug)]
 struct OrderFault {
     kind: SequenceFaultKind,
-    /// Its residual share of the modulation.
+    /// Residual of the fault, a share of the modulation.
     share: f64,
     /// Share of the blocks in which it fits better than the declared steps.
     agreement: f64,
@@ -106,7 +107,7 @@ struct BlockResiduals {
 
 /// The lit blocks of a window.
 pub(super) struct LitBlocks<'a> {
-    check: &'a SequenceCheck,
+    declared: &'a DeclaredSteps,
     blocks: &'a [Block],
     indices: &'a BlockIndices,
     validity: &'a Validity,
@@ -115,7 +116,7 @@ pub(super) struct LitBlocks<'a> {
 impl<'a> LitBlocks<'a> {
     /// Selects the lit blocks.
     pub(super) fn new(
-        check: &'a SequenceCheck,
+        declared: &'a DeclaredSteps,
         blocks: &'a [Block],
         indices: &'a mut BlockIndices,
         validity: &'a Validity,
@@ -129,7 +130,7 @@ impl<'a> LitBlocks<'a> {
         coherent.extend(lit.iter().filter(|&&index| signal(index).is_some_and(Signal::is_coherent)));
         // The index breaks ties, so that the order is always the same.
         coherent.sort_unstable_by(|&a, &b| noise_square(a).total_cmp(&noise_square(b)).then(a.cmp(&b)));
-        Self { check, blocks, indices, validity }
+        Self { declared, blocks, indices, validity }
     }
 
     /// Number of lit blocks.
@@ -145,7 +146,7 @@ impl<'a> LitBlocks<'a> {
 
     /// Residual of the declared steps over these blocks.
     fn nominal_residual(&self, indices: &'a [usize], scratch: &mut ResidualScratch) -> Option<Residual> {
-        residual(&self.check.nominal, self.signals(indices, indices.len()), &mut scratch.values)
+        residual(&self.declared.nominal, self.signals(indices, indices.len()), &mut scratch.values)
     }
 
     /// Residual of other steps.
@@ -156,7 +157,7 @@ impl<'a> LitBlocks<'a> {
         scratch: &mut ResidualScratch,
     ) -> Option<Residual> {
         let ResidualScratch { planes, values } = scratch;
-        self.check.set_planes(planes, hypothesis, self.check.fastest_rad());
+        self.declared.set_planes(planes, hypothesis, self.declared.fastest_rad());
         residual(planes, signals, values)
     }
 
@@ -167,12 +168,12 @@ impl<'a> LitBlocks<'a> {
 
     /// The blocks that decide about the declared steps; `None` if too few are coherent.
     fn deciding(&self) -> Option<&'a [usize]> {
-        self.coherent().get(..self.count().div_ceil(ONE_IN).max(LEAST_BLOCKS))
+        self.coherent().get(..self.count().div_ceil(DECIDING_ONE_IN).max(LEAST_BLOCKS))
     }
 
     /// Brightness of every image relative to the mean. Over the whole image the fringes cancel.
     pub(super) fn brightness(&self) -> Vector {
-        let images = self.check.images;
+        let images = self.declared.images;
         let mut sums = [0.0; MAX_IMAGES];
         for &index in &self.indices.lit {
             sums[..images].iter_mut().zip(&self.blocks[index].mean).for_each(|(sum, mean)| *sum += mean);
@@ -183,9 +184,9 @@ impl<'a> LitBlocks<'a> {
 
     /// Finds an image that is an exact copy of the one before: no two exposures have the same noise.
     pub(super) fn repeated_image(&self, scratch: &mut ResidualScratch) -> Option<SequenceFault> {
-        let is_same = |&index: &usize, image| self.blocks[index].difference_square(image) < SAME_SQUARE;
+        let is_same = |&index: &usize, image| self.blocks[index].difference_square(image) < MAX_COPY_SQUARE;
         let is_repeated = |image: usize| self.indices.lit.iter().all(|index| is_same(index, image));
-        let image = (0..self.check.images - 1).find(|&image| is_repeated(image))?;
+        let image = (0..self.declared.images - 1).find(|&image| is_repeated(image))?;
         let residual_share = self.nominal_residual(self.coherent(), scratch).map_or(1.0, |residual| residual.share);
         Some(SequenceFault { kind: SequenceFaultKind::Duplicated { image }, residual_share, explained_share: 0.0 })
     }
@@ -193,7 +194,7 @@ impl<'a> LitBlocks<'a> {
     /// Whether the declared steps leave a large residual, or too few blocks are coherent.
     pub(super) fn is_suspicious(&self, scratch: &mut ResidualScratch) -> bool {
         let nominal = self.deciding().and_then(|deciding| self.nominal_residual(deciding, scratch));
-        nominal.is_none_or(|residual| residual.share >= self.check.least_residual_share())
+        nominal.is_none_or(|residual| residual.share >= self.declared.least_residual_share())
     }
 
     /// Finds the fault of a suspicious window.
@@ -201,23 +202,26 @@ impl<'a> LitBlocks<'a> {
         let Some(deciding) = self.deciding() else {
             // Too few coherent blocks: perhaps a single foreign image spoils them all.
             let residual_share = self.noisy_residual_share();
-            let (kind, explained_share) =
-                self.foreign_image(MOST).filter(|&(_, share)| is_less(LESS_WITHOUT, share, residual_share))?;
+            let (kind, explained_share) = self
+                .foreign_image(MIN_COHERENT_SHARE)
+                .filter(|&(_, share)| is_less(LESS_WITHOUT_IMAGE, share, residual_share))?;
             return Some(SequenceFault { kind, residual_share, explained_share });
         };
         let residual_share = self.nominal_residual(deciding, scratch)?.share;
         let order = self.fault_of_order(deciding, residual_share);
         let order_share = order.map_or(f64::INFINITY, |order| order.share);
         let is_clear = |share: f64| {
-            is_less(LESS_THAN_ANY_ORDER, share, order_share) && is_less(LESS_WITHOUT, share, residual_share)
+            is_less(LESS_THAN_ANY_ORDER, share, order_share) && is_less(LESS_WITHOUT_IMAGE, share, residual_share)
         };
         let fault = |kind, explained_share| Some(SequenceFault { kind, residual_share, explained_share });
-        if let Some((kind, share)) = self.foreign_image(1.0 / ONE_IN as f64).filter(|&(_, share)| is_clear(share)) {
+        if let Some((kind, share)) =
+            self.foreign_image(1.0 / DECIDING_ONE_IN as f64).filter(|&(_, share)| is_clear(share))
+        {
             return fault(kind, share);
         }
         match order {
             Some(OrderFault { kind, share, agreement })
-                if is_less(LESS, share, residual_share) && agreement >= AGREEMENT =>
+                if is_less(LESS_THAN_NOMINAL, share, residual_share) && agreement >= MIN_AGREEMENT =>
             {
                 fault(kind, share)
             }
@@ -228,24 +232,24 @@ impl<'a> LitBlocks<'a> {
 
     /// The most likely fault of order among those that explain the images nearly as well as the best one.
     fn fault_of_order(&self, deciding: &'a [usize], residual_share: f64) -> Option<OrderFault> {
-        let check = self.check;
-        let all: Vec<Hypothesis> = Hypothesis::all_of_order(check.images, check.cycle).collect();
-        let first_shares = self.shares(&all, &self.signals(deciding, FEW_TRIED));
-        let limit = PROMISING * least_share(&first_shares).max(FLOOR_SHARE);
+        let declared = self.declared;
+        let all: Vec<Hypothesis> = Hypothesis::all_of_order(declared.images, declared.cycle).collect();
+        let first_shares = self.shares(&all, &self.signals(deciding, FIRST_BLOCKS));
+        let limit = PROMISING_RATIO * least_share(&first_shares).max(FLOOR_SHARE);
         let promising: Vec<Hypothesis> =
             all.into_iter().zip(first_shares).filter(|&(_, share)| share <= limit).map(|(one, _)| one).collect();
-        let tried = self.signals(deciding, MOST_TRIED);
+        let tried = self.signals(deciding, MORE_BLOCKS);
         let shares = self.shares(&promising, &tried);
         let least = least_share(&shares).max(FLOOR_SHARE);
         // As good as the best, and clearly better than the declared steps if any fault is. Hypotheses are sorted by
         // likelihood, so the first one within the limit is taken.
-        let limit = (AS_GOOD * least).min(residual_share / LESS).max(least);
+        let limit = (AS_GOOD_RATIO * least).min(residual_share / LESS_THAN_NOMINAL).max(least);
         let (best, share) = promising.into_iter().zip(shares).find(|&(_, share)| share <= limit)?;
         let mut planes = Planes::default();
-        check.set_planes(&mut planes, &best, check.fastest_rad());
+        declared.set_planes(&mut planes, &best, declared.fastest_rad());
         let is_better = |signal: &&Signal| {
             let square = |planes: &Planes| planes.unexplained(&signal.directions).square;
-            square(&planes) < square(&check.nominal)
+            square(&planes) < square(&declared.nominal)
         };
         let agreement = tried.clone().filter(is_better).count() as f64 / tried.count() as f64;
         Some(OrderFault { kind: best.kind?, share, agreement })
@@ -267,14 +271,14 @@ impl<'a> LitBlocks<'a> {
     /// The image without which the others fit best, and their residual share. At least `least_coherent` of the blocks
     /// must be coherent without it.
     fn foreign_image(&self, least_coherent: f64) -> Option<(SequenceFaultKind, f64)> {
-        let images = self.check.images;
-        let indices = thin_out(&self.indices.lit, MOST_TRIED);
+        let images = self.declared.images;
+        let indices = thin_out(&self.indices.lit, MORE_BLOCKS);
         let without = |image: usize| {
             let signal = |&index: &usize| self.blocks[index].without(image, self.validity).signal;
             let coherent: Vec<Signal> = indices.clone().filter_map(signal).filter(Signal::is_coherent).collect();
             let are_enough = coherent.len() as f64 >= least_coherent * indices.clone().count() as f64;
             let mut planes = Planes::default();
-            self.check.set_planes(&mut planes, &Hypothesis::without(image, images), FASTEST_RAD);
+            self.declared.set_planes(&mut planes, &Hypothesis::without(image, images), FASTEST_RAD);
             let residual = residual(&planes, coherent.iter(), &mut BlockResiduals::default()).filter(|_| are_enough)?;
             Some((SequenceFaultKind::Wrong { image }, residual.share))
         };
@@ -290,8 +294,8 @@ impl<'a> LitBlocks<'a> {
         if !is_shared || self.coherent().len() < LEAST_BLOCKS {
             return None;
         }
-        let tried = self.signals(self.coherent(), MOST_TRIED);
-        Hypothesis::all_of_order(self.check.images, self.check.cycle).find_map(|hypothesis| {
+        let tried = self.signals(self.coherent(), MORE_BLOCKS);
+        Hypothesis::all_of_order(self.declared.images, self.declared.cycle).find_map(|hypothesis| {
             let residual = self.hypothesis_residual(&hypothesis, tried.clone(), scratch)?;
             let rests = residual.motions_rad.iter().all(|motion| motion.abs() <= RESTING_RAD);
             let kind = hypothesis.kind?;
@@ -302,10 +306,10 @@ impl<'a> LitBlocks<'a> {
 
     /// Median of residual ÷ modulation over all lit blocks, including noise.
     fn noisy_residual_share(&self) -> f64 {
-        let images = self.check.images as f64;
+        let images = self.declared.images as f64;
         let freedom = images - 3.0;
         let square = |signal: &Signal| {
-            let unexplained = self.check.nominal.unexplained(&signal.directions).square;
+            let unexplained = self.declared.nominal.unexplained(&signal.directions).square;
             signal.noise_square + unexplained * images / (2.0 * freedom)
         };
         let lit = &self.indices.lit;

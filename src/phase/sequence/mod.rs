@@ -24,29 +24,25 @@
 //!
 //! # Invisible faults
 //!
-//! - *A fault before the first or after the last image* of a window: the steps are the same, all shifted alike. That is
-//!   a
-//!   slip of the whole window (see `correspondence`), like all windows after a fault.
+//! - *A fault before the first or after the last image* of a window: all steps are shifted alike. That is a slip of the
+//!   whole window (see `correspondence`), like all windows after a fault.
 //! - *N images lost in a row*, or a multiple of N: the steps are correct again. Only the time jumps, which is visible
-//!   if the
-//!   scene moves. N − 1 lost images show the same steps as a repeated image and are reported as such.
+//!   if the scene moves. N − 1 lost images show the same steps as a repeated image and are reported as such.
 //! - *Exchanged images of the same step*: their phase is correct.
 //! - *The mirrored sequence*: cos and sin of −θ span the same plane.
-//! - *Few images*: beside the mean and the plane, M images have M − 3 directions that can show a fault, and ε takes
-//!   part of
-//!   them. With N = 3 and M = 3 there are none. Windows of fewer than five images are not checked.
+//! - *Few images*: besides the mean and the plane, M images have M − 3 directions that can show a fault, and the fitted
+//!   ε uses up some of them. With N = 3 and M = 3 there are none. Windows of fewer than five images are not checked.
 //! - *A fault that steady motion explains*: with N = 4 and M = 6, a loss in the middle of a resting scene gives the
-//!   steps
-//!   0 1 2 0 1 2, like motion by π/6 per image. It counts as a fault if all blocks move by exactly that and would rest
-//!   otherwise. A frontal wall approaching at that very speed would be mistaken for it. With faster scenes, long losses
-//!   that
-//!   add up to a full turn, `k·(2π/N + ε) ≈ 2π`, are hidden too, and N = 16 hides more of them than N = 4.
-//!   [`SequenceCheck::residual_share`] states the visible residual of any fault and motion.
+//!   steps 0 1 2 0 1 2, like motion by π/6 per image. It counts as a fault if all blocks move by exactly that and would
+//!   rest otherwise. A frontal wall approaching at that very speed would be mistaken for it. With faster scenes, long
+//!   losses that add up to a full turn, `k·(2π/N + ε) ≈ 2π`, are hidden too, and N = 16 hides more of them than N = 4.
+//!   [`SequenceCheck::residual_share`] returns the visible residual of any fault and motion.
 //! - *A scene in which fewer than one block in five is coherent* throughout the window, for example if everything moves
 //!   fast and the window is long. Then only a single foreign image is found. Decoding leaves such pixels out by itself.
 
 mod block;
 mod check;
+mod declared;
 mod eigen;
 mod fault;
 mod judge;

@@ -8,7 +8,6 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 use crate::phase::Validity;
 
 use super::Matrix;
-use super::block::Block;
 use super::eigen::Eigen;
 use super::span::Directions;
 
@@ -29,11 +28,10 @@ pub(super) struct Signal {
 }
 
 impl Signal {
-    /// The signal of a block; `None` if it is dark.
-    pub(super) fn new(block: &Block, validity: &Validity) -> Option<Self> {
-        let images = block.images;
+    /// The signal of a block of `images` images with these mean products; `None` if it is dark.
+    pub(super) fn new(products: &Matrix, images: usize, validity: &Validity) -> Option<Self> {
         let freedom = images.checked_sub(FRINGE_DIMENSIONS).filter(|&freedom| freedom > 0)?;
-        let changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products: &block.products, images });
+        let changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products, images });
         let scatter: f64 = (0..images).map(|i| changes[i][i]).sum();
         let eigen = Eigen::new(&changes, images)?;
         let values = &eigen.values[..images];

@@ -67,13 +67,13 @@ impl Planes {
 
     /// Part of a block's signal outside the best plane; among equally good ones, the one of the slowest motion.
     pub(super) fn unexplained(&self, directions: &Directions) -> Unexplained {
-        /// A faster motion must be better than a slower one by this.
-        const LESS: f64 = 1e-9;
+        /// A faster motion must leave less than a slower one by this.
+        const MIN_GAIN: f64 = 1e-9;
         let squares = fringeflow_simd::run(Level::in_use(), UnexplainedKernel { planes: self, directions });
         let squares = &squares.as_flattened()[..2 * self.per_side + 1];
         let middle = self.per_side;
         let outwards = (0..=middle).flat_map(|away| [middle + away, middle - away]);
-        let best = outwards.fold(middle, |best, k| if squares[k] < squares[best] - LESS { k } else { best });
+        let best = outwards.fold(middle, |best, k| if squares[k] < squares[best] - MIN_GAIN { k } else { best });
         let rad = |place: f64| (place - middle as f64) * self.pitch_rad;
         let neighbours = best.checked_sub(1).and_then(|k| Some((squares.get(k)?, squares.get(best + 1)?)));
         let Some((before, after)) = neighbours else {

@@ -1,4 +1,4 @@
-//! A capture service alone, whose every image is seen.
+//! A capture service on its own, with a subscriber that receives all its images.
 
 use std::fs;
 use std::process::{Child, Stdio};
@@ -8,27 +8,27 @@ use rustix::process::Signal;
 use fringeflow_message::{Counts, DropReason, FrameHeader, Incident, Stage};
 use fringeflow_runtime::{ServiceArgs, channel_sizes};
 
-use crate::support::{Bench, send, wait};
+use crate::support::{Bench, send, wait_until};
 
 use super::witness::Witness;
 
-/// The capture service of camera 1 of a bench; killed when it is dropped.
+/// The capture service of camera 1 in a bench. It is killed on drop.
 pub(crate) struct Capture<'a> {
     bench: &'a Bench,
     child: Child,
     pub(crate) witness: Witness,
 }
 
-/// What a service has sent and counted.
-pub(crate) struct Done {
+/// Images and counts of a service that has ended.
+pub(crate) struct Captured {
     /// Headers of its images.
     pub(crate) headers: Vec<FrameHeader>,
-    /// Its account.
+    /// Counts of its stage.
     pub(crate) counts: Counts,
 }
 
 impl<'a> Capture<'a> {
-    /// Starts it in an instance that scans; what it logs goes to the output of the test.
+    /// Starts the service in an instance that scans. Its log goes to the output of the test.
     pub(crate) fn start(bench: &'a Bench) -> Self {
         let config = bench.configuration();
         let arguments =
@@ -41,67 +41,72 @@ impl<'a> Capture<'a> {
         Self { bench, child, witness }
     }
 
-    /// Its process.
+    /// Its process id.
     pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
-    /// What it has counted.
+    /// Counts of its stage so far.
     pub(crate) fn counts(&self) -> Counts {
         self.bench.counts(Stage::Camera1)
     }
 
-    /// How often an incident was counted.
+    /// Number of incidents of a kind.
     pub(crate) fn incidents(&self, incident: Incident) -> u64 {
         self.counts().incidents[incident as usize]
     }
 
-    /// Waits for so many more images.
-    pub(crate) fn images(&mut self, more: usize) {
-        self.images_of(more, || {});
+    /// Waits for this number of further images.
+    pub(crate) fn wait_for_images(&mut self, more: usize) {
+        self.act_and_wait_for_images(more, || {});
     }
 
-    /// Waits for so many images that come of doing something.
-    pub(crate) fn images_of(&mut self, more: usize, act: impl FnOnce()) {
-        let enough = self.witness.images() + more;
+    /// Performs an action, and waits for this number of further images.
+    pub(crate) fn act_and_wait_for_images(&mut self, more: usize, act: impl FnOnce()) {
+        let target = self.witness.images() + more;
         act();
-        self.until("enough images are here", |capture| capture.witness.images() >= enough);
+        self.wait_until("there are enough images", |capture| capture.witness.images() >= target);
     }
 
-    /// Waits until something is so.
-    pub(crate) fn until(&mut self, what: &str, mut is: impl FnMut(&Self) -> bool) {
-        let reached = wait(|| {
+    /// Waits until a condition holds. `what` names it in the failure message.
+    pub(crate) fn wait_until(&mut self, what: &str, mut condition: impl FnMut(&Self) -> bool) {
+        let reached = wait_until(|| {
             assert!(self.child.try_wait().unwrap().is_none(), "the service has ended: {:?}", self.counts());
-            is(self)
+            condition(self)
         });
-        assert!(reached, "it never is that {what}: {} images seen of {:?}", self.witness.images(), self.counts());
+        assert!(
+            reached,
+            "timed out while waiting until {what}: {} images received, {:?}",
+            self.witness.images(),
+            self.counts()
+        );
     }
 
-    /// Ends the scan, waits until the device is closed and all images are here, and ends the service as the system would.
-    /// Its account adds up.
-    pub(crate) fn stop(mut self) -> Done {
+    /// Ends the scan, waits until the device is closed and all images have arrived, and ends the service by SIGTERM.
+    /// Checks that its counts add up.
+    pub(crate) fn stop(mut self) -> Captured {
         self.witness.end_scan();
-        self.until("the device is closed", |capture| !capture.holds_a_device());
-        self.until("all images are here", |capture| {
+        self.wait_until("the device is closed", |capture| !capture.has_open_device());
+        self.wait_until("all images have arrived", |capture| {
             capture.witness.last().is_none_or(|last| last.published + 1 == capture.counts().passed)
         });
         send(self.pid(), Signal::TERM);
-        assert!(wait(|| self.child.try_wait().unwrap().is_some()), "it does not end");
+        assert!(wait_until(|| self.child.try_wait().unwrap().is_some()), "the service does not end");
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
         let counts = self.counts();
         assert_eq!(counts.in_work(), Some(0), "{counts:?}");
-        Done { headers: self.witness.headers(), counts }
+        Captured { headers: self.witness.headers(), counts }
     }
 
-    /// Whether a video device is open in it.
-    pub(crate) fn holds_a_device(&self) -> bool {
+    /// Whether it has an open video device.
+    pub(crate) fn has_open_device(&self) -> bool {
         let open = fs::read_dir(format!("/proc/{}/fd", self.pid())).unwrap().flatten();
         let mut files = open.filter_map(|entry| fs::read_link(entry.path()).ok());
         files.any(|file| file.to_string_lossy().starts_with("/dev/video"))
     }
 
-    /// Time that its threads have been running on a processor, nanoseconds.
-    pub(crate) fn processor_ns(&self) -> u64 {
+    /// CPU time of its threads, nanoseconds.
+    pub(crate) fn cpu_ns(&self) -> u64 {
         let threads = fs::read_dir(format!("/proc/{}/task", self.pid())).unwrap().flatten();
         let running = threads.map(|thread| fs::read_to_string(thread.path().join("schedstat")).unwrap());
         running.map(|text| text.split(' ').next().unwrap().parse::<u64>().unwrap()).sum()
@@ -110,32 +115,32 @@ impl<'a> Capture<'a> {
 
 impl Drop for Capture<'_> {
     fn drop(&mut self) {
-        // It may have ended.
+        // Both fail if it has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-impl Done {
-    /// The images of each session of the camera.
+impl Captured {
+    /// The images, grouped by camera session.
     pub(crate) fn sessions(&self) -> Vec<&[FrameHeader]> {
         self.headers.chunk_by(|a, b| a.session == b.session).collect()
     }
 
-    /// Incidents of a kind.
+    /// Number of incidents of a kind.
     pub(crate) fn incidents(&self, incident: Incident) -> u64 {
         self.counts.incidents[incident as usize]
     }
 
-    /// Asserts that as many images count as lost by the camera as the driver's numbers miss, but for those that were
-    /// dropped for another reason.
-    pub(crate) fn assert_losses_are_gaps(&self, otherwise: u64) {
+    /// Asserts that the images counted as lost by the camera, plus `other_drops`, are the gaps in the driver's numbers.
+    pub(crate) fn assert_losses_are_gaps(&self, other_drops: u64) {
         let gaps: u64 = self.sessions().into_iter().map(gaps).sum();
-        let lost = self.counts.dropped(DropReason::CameraLost) + otherwise;
-        // This machine may be too slow to see every image: what is missing between two sessions tells of no gap.
-        let is_joint =
+        let lost = self.counts.dropped(DropReason::CameraLost) + other_drops;
+        // A slow machine may not receive every image. If images are missing between two sessions, gaps there are not
+        // visible.
+        let is_contiguous =
             |pair: &[FrameHeader]| pair[0].session == pair[1].session || pair[0].published + 1 == pair[1].published;
-        if self.headers.first().is_none_or(|first| first.published == 0) && self.headers.windows(2).all(is_joint) {
+        if self.headers.first().is_none_or(|first| first.published == 0) && self.headers.windows(2).all(is_contiguous) {
             assert_eq!(lost, gaps, "{:?}", self.counts);
         } else {
             assert!(lost >= gaps, "{gaps} images are missing: {:?}", self.counts);
@@ -143,7 +148,7 @@ impl Done {
     }
 }
 
-/// Images that the driver's numbers miss between those of a session. What a channel lost is none of them.
+/// Counts images missing in the driver's numbers of a session, without images that the channel lost.
 pub(crate) fn gaps(headers: &[FrameHeader]) -> u64 {
     let step = |pair: &[FrameHeader], number: fn(&FrameHeader) -> u64| number(&pair[1]) - number(&pair[0]);
     headers.windows(2).map(|pair| step(pair, |h| h.sequence) - step(pair, |h| h.published)).sum()

@@ -1,5 +1,4 @@
-//! Drivers of the virtual machine: their modules are loaded and unloaded here, their devices plugged in and out, and their
-//! knobs turned.
+//! Drivers in the virtual machine: loads and unloads modules, plugs and unplugs devices, and sets controls.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,15 +6,15 @@ use std::process::Command;
 use v4l::Device;
 use v4l::control::{Control, Value};
 
-use crate::support::wait;
+use crate::support::wait_until;
 
-/// Controls of vivid that make things go wrong, by their numbers in V4L2.
+/// Controls of vivid that inject faults, by their V4L2 ids.
 #[derive(Clone, Copy, Debug)]
 #[repr(u32)]
-pub(crate) enum Knob {
-    /// Percentage of images that are dropped.
+pub(crate) enum FaultControl {
+    /// Percentage of images to drop.
     DroppedPercentage = 0x00f0_f040,
-    /// Unplugs the device until all have closed it.
+    /// Unplugs the device until all programs have closed it.
     Disconnect = 0x00f0_f041,
     /// Marks the next image as damaged.
     Damaged = 0x00f0_f042,
@@ -29,45 +28,45 @@ pub(crate) enum Knob {
     Fatal = 0x00f0_f046,
 }
 
-/// Where the initramfs has left its modules.
+/// Folder of the modules from the initramfs.
 const MODULES: &str = "/tmp/modules";
 
-/// A driver that is unloaded when this is dropped, and its devices with it.
+/// A loaded driver. It is unloaded on drop, with its devices.
 #[derive(Debug)]
 pub(crate) struct Driver {
     module: &'static str,
 }
 
 impl Driver {
-    /// Loads a module with these parameters.
+    /// Loads a module with parameters.
     pub(crate) fn load(module: &'static str, parameters: &[&str]) -> Self {
         let file = Path::new(MODULES).join(format!("{module}.ko"));
-        assert!(file.exists(), "only the virtual machine that tests/v4l2 boots has {}", file.display());
-        done(Command::new("insmod").arg(file).args(parameters));
+        assert!(file.exists(), "{} exists only in the virtual machine of tests/v4l2", file.display());
+        run_command(Command::new("insmod").arg(file).args(parameters));
         Self { module }
     }
 
-    /// Takes the devices away, as if they were unplugged.
+    /// Removes the devices, as if they were unplugged.
     pub(crate) fn unplug(&self) {
         self.write("unbind");
     }
 
-    /// Brings them back, under the lowest numbers that are free.
+    /// Adds the devices again, under the lowest free numbers.
     pub(crate) fn plug_in(&self) {
         self.write("bind");
     }
 
-    fn write(&self, what: &str) {
+    fn write(&self, file: &str) {
         let Self { module } = self;
-        std::fs::write(format!("/sys/bus/platform/drivers/{module}/{what}"), format!("{module}.0")).unwrap();
+        std::fs::write(format!("/sys/bus/platform/drivers/{module}/{file}"), format!("{module}.0")).unwrap();
     }
 }
 
 impl Drop for Driver {
     fn drop(&mut self) {
-        // Services that a failed test leaves behind take their time to end.
+        // Services of a failed test may still be ending.
         let unloaded =
-            wait(|| Command::new("rmmod").arg(self.module).output().is_ok_and(|ended| ended.status.success()));
+            wait_until(|| Command::new("rmmod").arg(self.module).output().is_ok_and(|ended| ended.status.success()));
         if !unloaded {
             eprintln!("{} cannot be unloaded", self.module);
         }
@@ -75,24 +74,24 @@ impl Drop for Driver {
 }
 
 /// Presses buttons of a device.
-pub(crate) fn press(device: &str, buttons: &[Knob]) {
-    buttons.iter().for_each(|&button| turn(device, button, 1));
+pub(crate) fn press(device: &str, buttons: &[FaultControl]) {
+    buttons.iter().for_each(|&button| set_control(device, button, 1));
 }
 
 /// Sets a control of a device.
-pub(crate) fn turn(device: &str, knob: Knob, value: i64) {
-    let control = Control { id: knob as u32, value: Value::Integer(value) };
+pub(crate) fn set_control(device: &str, control: FaultControl, value: i64) {
+    let control = Control { id: control as u32, value: Value::Integer(value) };
     Device::with_path(device).unwrap().set_control(control).unwrap();
 }
 
-/// What `v4l2-ctl` prints for a device.
+/// Runs `v4l2-ctl` on a device. Returns its output.
 pub(crate) fn v4l2_ctl(device: &str, arguments: &[&str]) -> String {
-    done(Command::new("v4l2-ctl").args(["--device", device]).args(arguments))
+    run_command(Command::new("v4l2-ctl").args(["--device", device]).args(arguments))
 }
 
-fn done(command: &mut Command) -> String {
+fn run_command(command: &mut Command) -> String {
     let output = command.output().unwrap();
-    let [said, error] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
-    assert!(output.status.success(), "{command:?}: {}: {said}{error}", output.status);
-    said
+    let [printed, error] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(output.status.success(), "{command:?}: {}: {printed}{error}", output.status);
+    printed
 }

@@ -1,4 +1,4 @@
-//! What runs in the virtual machine, as root, with the drivers at hand; see [`crate::machine`].
+//! Tests that run in the virtual machine, as root and with the drivers; see [`crate::machine`].
 
 mod capture;
 mod driver;

@@ -1,23 +1,24 @@
-//! Scanners whose cameras are devices of the driver vivid.
+//! Scanners with cameras of the driver vivid.
 
 use super::driver::Driver;
 use super::scanner::configuration;
 use crate::scenes;
 
-/// The device of camera 1, as long as nothing takes its number.
+/// The device of camera 1, unless another device takes its number.
 pub(crate) const DEVICE: &str = "/dev/video0";
 
-/// Two devices with a digital input each.
+/// Loads vivid with two devices that have a digital input each.
 pub(crate) fn load() -> Driver {
     Driver::load("vivid", &["n_devs=2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=3,3"])
 }
 
-/// A scanner with both devices at 50 Hz, a rate that is a whole number of the guest's clock ticks; `controls` of camera 1.
+/// A scanner with both devices at 50 Hz, which is a whole number of the guest's clock ticks. `controls` are those of
+/// camera 1.
 pub(crate) fn scanner(controls: &str) -> String {
     scanner_at("1280x720@50", controls)
 }
 
-/// A scanner with this signal at both devices.
+/// A scanner with this video signal at both devices.
 pub(crate) fn scanner_at(signal: &str, controls: &str) -> String {
     let (_, rate_hz) = signal.split_once('@').unwrap();
     let camera = |number: usize, controls: &str| {

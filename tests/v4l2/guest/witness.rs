@@ -1,4 +1,4 @@
-//! The other end of a capture service: tells it that the instance scans, and sees every image that it sends.
+//! The other end of a capture service: publishes that the instance scans, and receives every image.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -8,10 +8,10 @@ use std::time::Duration;
 use fringeflow_message::{FrameHeader, ScanState};
 use fringeflow_transport::{CAM1_FRAME, ChannelSizes, Instance, Node, Publisher, SCAN_STATE, Subscriber, wait_for};
 
-/// Longest wait for an image, before the rest is looked at.
-const BEAT: Duration = Duration::from_millis(50);
+/// Longest wait for an image before the scan state is checked.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Watches the channel of camera 1 until it is dropped.
+/// Receives the images of camera 1 until it is dropped.
 pub(crate) struct Witness {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -19,7 +19,7 @@ pub(crate) struct Witness {
 
 #[derive(Default)]
 struct Shared {
-    /// Headers of all images.
+    /// Headers of all images so far.
     headers: Mutex<Vec<FrameHeader>>,
     /// Pixels of the first one.
     first: Mutex<Option<Vec<u8>>>,
@@ -28,7 +28,7 @@ struct Shared {
 }
 
 impl Witness {
-    /// Opens the channels, and says that the instance scans.
+    /// Opens the channels, and publishes that the instance scans.
     pub(crate) fn new(instance: &Instance, sizes: ChannelSizes) -> Self {
         let shared = Arc::new(Shared::default());
         let (instance, of_thread) = (instance.clone(), Arc::clone(&shared));
@@ -44,7 +44,7 @@ impl Witness {
         Self { shared, thread: Some(thread) }
     }
 
-    /// Says that the scan is over.
+    /// Publishes that the scan has ended.
     pub(crate) fn end_scan(&self) {
         self.shared.is_over.store(true, Ordering::Relaxed);
     }
@@ -74,13 +74,13 @@ impl Shared {
     fn watch(&self, mut images: Subscriber<FrameHeader, [u8]>, mut states: Publisher<(), ScanState>) {
         let mut scans = None;
         while !self.is_dropped.load(Ordering::Relaxed) {
-            let is_to_scan = !self.is_over.load(Ordering::Relaxed);
-            if scans.replace(is_to_scan) != Some(is_to_scan) {
-                states.send_message(&ScanState { scanning: is_to_scan.into(), ..ScanState::default() }).unwrap();
+            let should_scan = !self.is_over.load(Ordering::Relaxed);
+            if scans.replace(should_scan) != Some(should_scan) {
+                states.send_message(&ScanState { scanning: should_scan.into(), ..ScanState::default() }).unwrap();
             }
-            // Otherwise a service that came later would not hear of the state.
+            // Otherwise a service that connects later would not receive the state.
             states.ensure_connected().unwrap();
-            wait_for(&[&images], BEAT).unwrap();
+            wait_for(&[&images], POLL_INTERVAL).unwrap();
             while let Some(image) = images.receive().unwrap() {
                 self.first.lock().unwrap().get_or_insert_with(|| image.payload().to_vec());
                 self.headers.lock().unwrap().push(*image.header());
@@ -93,7 +93,7 @@ impl Drop for Witness {
     fn drop(&mut self) {
         self.shared.is_dropped.store(true, Ordering::Relaxed);
         if self.thread.take().is_some_and(|thread| thread.join().is_err()) && !std::thread::panicking() {
-            panic!("the images could not be watched");
+            panic!("the images could not be received");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Evaluation against the Gray-code reference of a captured scene.
+//! Evaluates a cloud against the Gray-code reference of a captured scene.
 
 use fringeflow::cloud::Cloud;
 use fringeflow_dataset::CapturedTruth;
@@ -7,17 +7,18 @@ use super::pixel_grid::{PixelGrid, pixel, point};
 use super::scores::Tally;
 use super::{EDGE_TOLERANCE_PX, Evaluation, EvaluationError, Judgement, MAX_REFERENCE_RESIDUAL_RAD, TOLERANCE_PX};
 
-/// Metres per unit of a captured truth's points, millimetres.
+/// Metres per unit of the points of a captured truth, millimetres.
 const UNIT_M: f64 = 1e-3;
 
 /// Evaluates a cloud against the Gray-code reference of a captured scene, for images of C1 of `size_px` (width,
 /// height).
 ///
-/// The references lie between pixels. Each is compared with the point of its closest pixel, after shifting both ends by
-/// the offset from the pixel's centre. A point without a reference is unjudged, since Gray code is not complete.
+/// The references lie between pixels. Each is compared with the point of the nearest pixel; both its image points are
+/// first shifted by the offset from the centre of that pixel. A point without a reference is unjudged, since Gray code
+/// is not complete.
 ///
 /// # Errors
-/// A cloud of another image size, or a truth without a sound reference.
+/// The cloud has another image size, or the truth has no reliable reference.
 pub fn against_captured(
     cloud: &Cloud,
     size_px: [usize; 2],
@@ -27,7 +28,7 @@ pub fn against_captured(
     let unjudged = |i| if grid.get(i).is_some() { Judgement::Unjudged } else { Judgement::Nothing };
     let mut judgements: Vec<Judgement> = (0..grid.len()).map(unjudged).collect();
     let (mut tally, mut errors_m) = (Tally::default(), Vec::new());
-    for k in sound_references(truth) {
+    for k in reliable_references(truth) {
         let i = grid.index_of(&pixel(truth.cam1_px[k]));
         let (judgement, error_m) = judge(&grid, truth, k, i);
         tally.reference += 1;
@@ -39,13 +40,13 @@ pub fn against_captured(
     Ok(Evaluation { scores: tally.scores(cloud.points.len(), None, &mut errors_m)?, judgements })
 }
 
-/// References with a small back-projection residual.
-fn sound_references(truth: &CapturedTruth) -> impl Iterator<Item = usize> + '_ {
+/// Returns the references with a small back-projection residual.
+fn reliable_references(truth: &CapturedTruth) -> impl Iterator<Item = usize> + '_ {
     let residuals = truth.residual_rad.iter().enumerate();
     residuals.filter(|(_, r)| r.abs() <= MAX_REFERENCE_RESIDUAL_RAD).map(|(k, _)| k)
 }
 
-/// Judgement of reference `k` at pixel `i`, and the 3D error of a correct point in metres.
+/// Returns the judgement of reference `k` at pixel `i`, and the 3D error of a correct point in metres.
 fn judge(grid: &PixelGrid<'_>, truth: &CapturedTruth, k: usize, i: usize) -> (Judgement, Option<f64>) {
     let Some(found) = grid.get(i) else { return (Judgement::Missed, None) };
     let shift = grid.centre(i) - pixel(truth.cam1_px[k]);
@@ -57,7 +58,7 @@ fn judge(grid: &PixelGrid<'_>, truth: &CapturedTruth, k: usize, i: usize) -> (Ju
     (if off_px > EDGE_TOLERANCE_PX { Judgement::Wrong } else { Judgement::Tolerated }, None)
 }
 
-/// The better judgement of a pixel with several references.
+/// Returns the better judgement, for a pixel with several references.
 fn better(a: Judgement, b: Judgement) -> Judgement {
     let rank = |j| match j {
         Judgement::Correct => 0,
@@ -75,7 +76,7 @@ mod tests {
 
     fn truth() -> CapturedTruth {
         CapturedTruth {
-            // The last one has a residual above the limit.
+            // The last reference has a residual above the limit.
             cam1_px: vec![[0.2, 0.0], [1.0, 0.4], [1.9, 0.0], [3.0, 0.0], [4.0, 0.0]],
             cam2_px: vec![[50.2, 0.0], [51.0, 0.4], [51.9, 0.0], [53.0, 0.0], [54.0, 0.0]],
             point_mm: vec![[0.0, 0.0, 300.0]; 5],
@@ -84,12 +85,12 @@ mod tests {
     }
 
     #[test]
-    fn every_judgement_is_given() {
+    fn every_judgement_occurs() {
         let points = [
             ([0, 0], [51.9, 0.0], 0.3), // 1.9 px off
             ([1, 0], [53.5, 0.0], 0.3), // 2.5 px off: tolerated
             ([2, 0], [55.5, 0.0], 0.3), // 3.5 px off
-            ([4, 0], [54.0, 0.0], 0.3), // no sound reference
+            ([4, 0], [54.0, 0.0], 0.3), // no reliable reference
         ];
         let found = against_captured(&cloud(&points), [6, 1], &truth()).unwrap();
         use Judgement::{Correct, Missed, Nothing, Tolerated, Unjudged, Wrong};
@@ -101,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn several_references_of_a_pixel_count_each() {
+    fn each_of_several_references_of_a_pixel_counts() {
         let mut truth = truth();
         truth.cam1_px[1] = [0.3, 0.0];
         truth.cam2_px[1] = [90.0, 0.0];

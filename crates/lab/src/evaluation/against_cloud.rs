@@ -1,4 +1,4 @@
-//! Evaluation against another cloud, such as the Gray-code reference.
+//! Evaluates a cloud against another cloud, such as the Gray-code reference.
 
 use fringeflow::cloud::Cloud;
 
@@ -8,11 +8,11 @@ use super::{Evaluation, EvaluationError, Judgement, TOLERANCE_PX};
 
 /// Evaluates a cloud against a reference cloud of the same images, C1 of `size_px` (width, height).
 ///
-/// A point at a pixel without a reference is tolerated if the reference of a neighbouring pixel explains it, else
-/// unjudged.
+/// A point at a pixel without a reference is tolerated if the reference of a neighbouring pixel explains it. Otherwise
+/// it is unjudged.
 ///
 /// # Errors
-/// A cloud of another image size, or a reference without points.
+/// A cloud has another image size, or the reference has no points.
 pub fn against_cloud(cloud: &Cloud, size_px: [usize; 2], reference: &Cloud) -> Result<Evaluation, EvaluationError> {
     let (grid, truth) = (PixelGrid::new(cloud, size_px)?, PixelGrid::new(reference, size_px)?);
     let mut tally = Tally { reference: reference.points.len() as u64, ..Tally::default() };
@@ -50,7 +50,7 @@ mod tests {
     use crate::evaluation::test_cloud::cloud;
 
     #[test]
-    fn every_judgement_is_given() {
+    fn every_judgement_occurs() {
         let reference: Vec<_> = (0..5).map(|u| ([u, 0], [100.0 + 10.0 * f32::from(u), 0.0], 0.3)).collect();
         let points = [
             ([0, 0], [101.0, 0.0], 0.3002),

@@ -1,63 +1,36 @@
-//! Evaluation against the exact truth of a rendered scene.
+//! Evaluates a cloud against the exact truth of a rendered scene.
 
 use fringeflow::cloud::{Cloud, CloudPoint};
-use fringeflow::geometry::Pose;
 use fringeflow_dataset::{RenderedTruth, Setup};
 
+use super::frames::Frames;
 use super::interior::interior;
 use super::moved_truth::truth_at;
 use super::pixel_grid::{PixelGrid, is_close, pixel, point};
 use super::scores::{Scores, Tally};
 use super::{Evaluation, EvaluationError, Judgement};
 
-/// The frames in which a cloud and the truth are compared.
-///
-/// The calibration of a cloud has a small error, so its camera frame differs a little from that of the truth. Both are
-/// transformed into the frame of the measurement volume, each with its own pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frames {
-    /// Pose of the volume in the frame of the cloud.
-    pub cam1_from_volume: Pose,
-    /// Pose of the volume in the frame of the truth.
-    pub exact_cam1_from_volume: Pose,
-    /// Metres per unit of the truth.
-    pub unit_m: f64,
-}
-
-impl Frames {
-    /// The frames of a dataset or a recording; without a measurement volume, the frame of C1.
-    #[must_use]
-    pub fn from_setup(setup: &Setup) -> Self {
-        let cam1_from_volume = setup.volume.as_ref().map_or_else(Pose::identity, |v| *v.cam1_from_volume());
-        Self {
-            cam1_from_volume,
-            exact_cam1_from_volume: setup.exact_cam1_from_volume.unwrap_or(cam1_from_volume),
-            unit_m: setup.unit.in_metres(),
-        }
-    }
-}
-
 /// Evaluates a cloud against the truth of a rendered scene, for images of C1 of `size_px` (width, height).
 ///
-/// A point without a reference is stray, unless a surface that C2 sees and P lights explains it, at its pixel or at a
-/// neighbour, or the Gray-code reference has the same point.
+/// A point without a reference is stray, with two exceptions. It is tolerated if a surface that C2 sees and P lights
+/// explains it, at its pixel or at a neighbour, or if the Gray-code reference has the same point.
 ///
 /// # Errors
-/// A cloud or a truth of another image size, or a truth without any reference.
+/// The cloud or the truth has another image size, or the truth has no reference.
 pub fn against_rendered(
     cloud: &Cloud,
     size_px: [usize; 2],
     truth: &RenderedTruth,
     frames: &Frames,
 ) -> Result<Evaluation, EvaluationError> {
-    judged(cloud, size_px, truth, frames, None)
+    evaluate(cloud, size_px, truth, frames, None)
 }
 
-/// As [`against_rendered`], for a cloud from images of `setup` whose middle is at `image`, counted in its phase images.
-/// Where the object moves, the truth is moved there.
+/// As [`against_rendered`], for a cloud from images of `setup` whose middle is at `image`, counted in phase images. If
+/// the object moves, the truth is moved to that moment.
 ///
-/// Then any surface explains a point, lit or not, since shadows have moved. Points on surfaces that come into view,
-/// which the truth does not know, are unjudged unless a neighbour explains them.
+/// Then any surface explains a point, lit or not, since shadows have moved. The truth does not know surfaces that come
+/// into view. Points on them are unjudged unless a neighbour explains them.
 ///
 /// # Errors
 /// As [`against_rendered`].
@@ -71,13 +44,14 @@ pub fn against_rendered_at(
     check_size(truth, setup.image_pixels())?;
     let other_motion = setup.motion.as_ref().filter(|motion| motion.reference != image);
     match other_motion.and_then(|motion| truth_at(truth, setup, motion, image)) {
-        Some(moved) => judged(cloud, size_px, &moved.truth, &frames, Some(&moved.known)),
+        Some(moved) => evaluate(cloud, size_px, &moved.truth, &frames, Some(&moved.known)),
         None => against_rendered(cloud, size_px, truth, &frames),
     }
 }
 
-/// Evaluates against the truth of the same moment, or against a moved one, which is complete only where `known`.
-fn judged(
+/// Evaluates a cloud against the truth of the same moment, or against a moved truth, which is complete only where
+/// `known`.
+fn evaluate(
     cloud: &Cloud,
     size_px: [usize; 2],
     truth: &RenderedTruth,
@@ -106,7 +80,7 @@ fn judged(
     Ok(Evaluation { scores: Scores { interior_percent, ..scores }, judgements })
 }
 
-/// Percentage of correct points in the interior; `None` without an interior.
+/// Returns the percentage of correct points in the interior, or `None` if there is no interior.
 fn interior_percent(interior: &[bool], judgements: &[Judgement]) -> Option<f64> {
     let inside = interior.iter().zip(judgements).filter(|(is_interior, _)| **is_interior);
     let count = inside.clone().count();
@@ -114,8 +88,8 @@ fn interior_percent(interior: &[bool], judgements: &[Judgement]) -> Option<f64> 
     (count > 0).then(|| 100.0 * correct as f64 / count as f64)
 }
 
-/// Judgement of a pixel, and whether its point is an outlier. With `any_surface`, surfaces that P does not light or C2 does not
-/// see explain points as well.
+/// Returns the judgement of a pixel, and whether its point is an outlier. With `any_surface`, surfaces that P does not
+/// light or C2 does not see also explain points.
 fn judge(grid: &PixelGrid<'_>, truth: &RenderedTruth, i: usize, any_surface: bool) -> (Judgement, bool) {
     let reference = truth.reference[i];
     let Some(found) = grid.get(i) else {
@@ -156,12 +130,13 @@ fn check_size(truth: &RenderedTruth, expected: usize) -> Result<(), EvaluationEr
 mod tests {
     use super::*;
     use crate::evaluation::test_cloud::cloud;
+    use fringeflow::geometry::Pose;
     use fringeflow::geometry::Vector3;
 
     const NONE: [f32; 2] = [f32::NAN; 2];
 
-    /// One row of seven pixels: six with a correspondence 100 px to the right (the third 50 px off, at another depth),
-    /// the last without.
+    /// One row of seven pixels. Six have a correspondence 100 px to the right (the third 50 px farther, at another
+    /// depth), the last has none.
     fn truth() -> RenderedTruth {
         let mut cam2_px: Vec<[f32; 2]> = (0..6).map(|u| [100.0 + u as f32, 0.0]).chain([NONE]).collect();
         cam2_px[2][0] += 50.0;
@@ -189,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn every_judgement_is_given() {
+    fn every_judgement_occurs() {
         let points = [
             ([0, 0], [101.9, 0.0], 0.3011), // 1.9 px off: correct, 0.1 mm off in the frame of the volume
             ([1, 0], [120.0, 0.0], 0.3),    // wrong
@@ -208,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_that_gray_code_has_too_is_an_outlier_but_not_stray() {
+    fn a_point_that_gray_code_also_has_is_an_outlier_but_not_stray() {
         let mut truth = truth();
         truth.gray_cam2_px.as_mut().unwrap()[6] = [500.0, 1.0];
         let found = judged(&[([6, 0], [500.0, 0.0], 0.3)], &truth);

@@ -1,7 +1,8 @@
-//! Clouds of a dataset by the reference methods (paper, Table 2).
+//! Computes clouds of a dataset with the reference methods (paper, Table 2).
 //!
 //! In: a dataset with Gray code. Out: a cloud. The code is unique along an epipolar line. But where C2 does not see the
-//! surface that P lights, it finds another one: the measurement volume, enlarged by a margin, excludes such points.
+//! surface that P lights, the match is on another surface. The measurement volume, enlarged by a margin, excludes such
+//! points.
 
 use std::path::PathBuf;
 
@@ -16,18 +17,18 @@ use fringeflow::phase::{
 };
 use fringeflow_dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
 
-/// Only dark pixels are left out: Gray code itself shows whether a phase fits.
+/// Excludes only dark pixels: Gray code itself shows whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
 /// Standard deviation of camera noise for the decision of Gray-code bits, grey levels.
 ///
-/// Not the residual of the sinusoid fit: with a nonlinear projector the residual is ten times the noise, and reliable
+/// The residual of the sinusoid fit is not used: with a nonlinear projector it is ten times the noise, and reliable
 /// bits would be rejected.
 const NOISE_GREY: f32 = 1.5;
 /// Standard deviation of a match along the epipolar line, pixels: phase noise over fringes of about ten pixels.
 const MATCH_SD_PX: f64 = 0.05;
 
-/// Margin of the volume on every side, as a share of its extent. The boxes of captured datasets leave a hundredth of
-/// the object outside.
+/// Margin of the volume on each side, as a share of its extent. The boxes of captured datasets exclude a hundredth of
+/// the object.
 const VOLUME_MARGIN: f64 = 0.1;
 
 /// Why a reference method cannot measure a dataset.
@@ -41,30 +42,30 @@ pub enum GrayReferenceError {
         /// The missing data.
         what: &'static str,
     },
-    /// Its images cannot be read.
+    /// The images cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// Its phase shifts determine no phase.
+    /// The phase shifts determine no phase.
     #[error(transparent)]
     Shifts(#[from] ShiftError),
-    /// Its Gray code cannot be decoded.
+    /// The Gray code cannot be decoded.
     #[error(transparent)]
     GrayCode(#[from] GrayCodeError),
-    /// Its absolute phases cannot be matched.
+    /// The absolute phases cannot be matched.
     #[error(transparent)]
     Match(#[from] MatchError),
 }
 
 /// Wrapped and absolute phase of one camera and direction.
-struct Decoded {
+struct DecodedPhase {
     wrapped: PhaseMap,
     absolute: AbsolutePhase,
 }
 
-/// Full Gray code with epipolar lines (EGC).
+/// Computes the cloud by full Gray code with epipolar lines (EGC).
 ///
 /// # Errors
-/// A dataset without Gray code, or with unusable images or an unusable rig.
+/// The dataset has no Gray code, unusable images, or an unusable rig.
 pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let matches =
@@ -72,15 +73,15 @@ pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     cloud(dataset, &cam1.wrapped, matches)
 }
 
-/// The measurement volume in which matches are sought.
+/// Returns the volume in which matches are searched.
 fn volume(dataset: &Dataset) -> Option<MeasurementVolume> {
     dataset.setup.volume.as_ref().map(|volume| volume.enlarged(VOLUME_MARGIN))
 }
 
-/// Full Gray code in two fringe directions (CGC).
+/// Computes the cloud by full Gray code in two fringe directions (CGC).
 ///
 /// # Errors
-/// As [`egc`], and a dataset without a second fringe direction.
+/// As [`egc`], or the dataset has no second fringe direction.
 pub fn cgc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
     let [columns1, columns2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
     let [rows1, rows2] = [decode(dataset, CameraId::Cam1, true)?, decode(dataset, CameraId::Cam2, true)?];
@@ -97,12 +98,12 @@ fn cloud(
     Ok(reference_cloud(&dataset.setup.rig, &dataset.setup.sequence.pattern, cam1, &matches?, MATCH_SD_PX))
 }
 
-fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<Decoded, GrayReferenceError> {
+fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<DecodedPhase, GrayReferenceError> {
     let sequence = sequence(dataset, second_direction)?;
     let code = sequence.gray.ok_or_else(|| missing(dataset, "Gray code (field gray of meta.json)"))?;
     let wrapped = wrapped_phase(dataset, camera, second_direction, sequence)?;
     let absolute = absolute_phase(dataset, camera, second_direction, sequence, &code, &wrapped)?;
-    Ok(Decoded { wrapped, absolute })
+    Ok(DecodedPhase { wrapped, absolute })
 }
 
 fn wrapped_phase(
@@ -111,7 +112,7 @@ fn wrapped_phase(
     second_direction: bool,
     sequence: &FringeSequence,
 ) -> Result<PhaseMap, GrayReferenceError> {
-    // For a moving object, the images around the moment of the Gray code.
+    // For a moving object, use the images around the moment of the Gray code.
     let numbers: Vec<usize> = match (&dataset.setup.motion, second_direction) {
         (Some(_), false) => dataset.setup.reference_images(dataset.setup.steps).collect(),
         _ => (0..sequence.shifts_rad.len()).collect(),

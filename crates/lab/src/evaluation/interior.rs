@@ -1,15 +1,15 @@
-//! The interior of a scene: reference correspondences away from edges, where only the method itself can fail.
+//! Finds the interior of a scene: reference correspondences away from edges, where only the method itself can fail.
 //!
-//! In: the truth of a rendered scene. Out: a mask of the pixels of C1. Cost: 25 lookups per reference.
+//! In: the truth of a rendered scene. Out: a mask of the pixels of C1. The cost is 25 lookups per reference.
 
 use fringeflow_dataset::RenderedTruth;
 
 /// All neighbours of a reference up to this distance must be references too, pixels.
 const REACH_PX: usize = 2;
-/// Largest depth difference among them, metres.
+/// Largest depth difference among these neighbours, metres.
 const MAX_JUMP_M: f64 = 1e-3;
 
-/// Whether each pixel is in the interior, for images of C1 with `width` pixels per row and a truth in units of
+/// Returns whether each pixel is in the interior, for images of C1 with `width` pixels per row and a truth in units of
 /// `unit_m`.
 pub(super) fn interior(truth: &RenderedTruth, width: usize, unit_m: f64) -> Vec<bool> {
     let height = truth.reference.len() / width.max(1);
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn borders_jumps_and_holes_are_not_the_interior() {
+    fn borders_jumps_and_holes_are_not_in_the_interior() {
         let far_corner = WIDTH * HEIGHT - 1;
         assert_eq!(columns_of_middle_row(&truth(0.5, far_corner)), [2, 3, 4, 5, 6, 7, 8, 9]);
         assert_eq!(columns_of_middle_row(&truth(1.5, far_corner)), [2, 3, 4, 5]);

@@ -1,16 +1,17 @@
 //! Quality of a cloud: completeness, completeness error, false positive correspondences (paper, section 3) and 3D
 //! error.
 //!
-//! In: a cloud and a truth. Out: [`Scores`], and a [`Judgement`] for every pixel of C1. The truth is the exact one of a
-//! rendered scene, the Gray-code reference of a captured scene, or another cloud.
+//! In: a cloud and a truth. Out: [`Scores`], and a [`Judgement`] for each pixel of C1. The truth is the exact truth of
+//! a rendered scene, the Gray-code reference of a captured scene, or another cloud.
 //!
-//! A point is correct if its correspondence lies within [`TOLERANCE_PX`] of the reference's. At silhouettes a pixel
-//! sees two surfaces: a point within [`EDGE_TOLERANCE_PX`] of the true correspondence of a neighbour in 3 × 3 is
-//! tolerated, neither complete nor false.
+//! A point is correct if its correspondence lies within [`TOLERANCE_PX`] of that of the reference. At silhouettes a
+//! pixel sees two surfaces. So a point within [`EDGE_TOLERANCE_PX`] of the true correspondence of one of the eight
+//! neighbours is tolerated: it counts neither as complete nor as false.
 
 mod against_captured;
 mod against_cloud;
 mod against_rendered;
+mod frames;
 mod gray_reference;
 mod interior;
 mod moved_truth;
@@ -24,7 +25,8 @@ mod trajectory;
 
 pub use against_captured::against_captured;
 pub use against_cloud::against_cloud;
-pub use against_rendered::{Frames, against_rendered, against_rendered_at};
+pub use against_rendered::{against_rendered, against_rendered_at};
+pub use frames::Frames;
 pub use gray_reference::{GrayReferenceError, cgc, egc};
 pub use paper_tables::{
     CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, SequenceRow, completeness_table, sequence_table,
@@ -35,11 +37,11 @@ pub use scores::Scores;
 pub use simulated_dataset::SimulatedDatasetError;
 pub use trajectory::{StatedPose, TrajectoryScores, against_trajectory};
 
-/// Greatest distance in C2 between a correct point and the reference, pixels.
+/// Largest distance in C2 between a correct point and the reference, pixels.
 pub const TOLERANCE_PX: f64 = 2.0;
-/// Greatest distance in C2 to the correspondence of a neighbouring pixel, pixels.
+/// Largest distance in C2 to the correspondence of a neighbouring pixel, pixels.
 pub const EDGE_TOLERANCE_PX: f64 = 3.0;
-/// Greatest back-projection residual of a captured reference, rad; above it the Gray code itself is wrong.
+/// Largest back-projection residual of a captured reference, rad. Above it the Gray code itself is wrong.
 pub const MAX_REFERENCE_RESIDUAL_RAD: f32 = 0.15;
 
 /// Judgement of a pixel of C1.
@@ -49,20 +51,20 @@ pub enum Judgement {
     Nothing,
     /// The point agrees with the reference.
     Correct,
-    /// The point disagrees with the reference; counts as false positive.
+    /// The point disagrees with the reference. It counts as a false positive.
     Wrong,
-    /// A point at a pixel without a true correspondence; counts as false positive.
+    /// The pixel has a point but no true correspondence. It counts as a false positive.
     Stray,
-    /// A point that disagrees with the reference, but a neighbour or the Gray-code reference explains it.
+    /// The point disagrees with the reference, but a neighbour or the Gray-code reference explains it.
     Tolerated,
-    /// A reference without a point.
+    /// The reference has no point.
     Missed,
-    /// A point without a truth to judge it by.
+    /// The point has no truth to judge it by.
     Unjudged,
 }
 
 impl Judgement {
-    /// All judgements, those with a point first.
+    /// All judgements; those with a point come first.
     pub const ALL: [Self; 7] =
         [Self::Correct, Self::Wrong, Self::Stray, Self::Tolerated, Self::Unjudged, Self::Missed, Self::Nothing];
 
@@ -80,19 +82,19 @@ impl Judgement {
         }
     }
 
-    /// Whether the point counts as false positive correspondence.
+    /// Whether the point counts as a false positive correspondence.
     #[must_use]
     pub fn is_false(self) -> bool {
         matches!(self, Self::Wrong | Self::Stray)
     }
 }
 
-/// The figures of a cloud and the judgement of every pixel, row by row.
+/// The scores of a cloud, and the judgement of each pixel, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// The figures.
+    /// Scores of the cloud.
     pub scores: Scores,
-    /// One per pixel of C1.
+    /// Judgements, one per pixel of C1.
     pub judgements: Vec<Judgement>,
 }
 
@@ -114,8 +116,8 @@ pub enum EvaluationError {
         /// Height of the image, pixels.
         height: usize,
     },
-    /// An array of the truth has another size than the image.
-    #[error("the truth covers {found} pixels, the image of camera 1 {expected}; they must belong together")]
+    /// An array of the truth does not have the size of the image.
+    #[error("the truth covers {found} pixels, but the image of camera 1 has {expected}; use the truth of these images")]
     Size {
         /// Pixels of the truth.
         found: usize,
@@ -128,7 +130,7 @@ pub enum EvaluationError {
 mod test_cloud {
     use fringeflow::cloud::{Cloud, CloudPoint};
 
-    /// A cloud of points (pixel of C1, point in C2, depth in metres).
+    /// Creates a cloud of points (pixel of C1, point in C2, depth in metres).
     pub(super) fn cloud(points: &[([u16; 2], [f32; 2], f32)]) -> Cloud {
         let point = |&(cam1_px, cam2_px, depth_m): &([u16; 2], [f32; 2], f32)| CloudPoint {
             position_m: [0.0, 0.0, depth_m],

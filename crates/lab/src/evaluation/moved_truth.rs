@@ -1,14 +1,15 @@
-//! The exact truth of a rendered scene at another moment: its object has moved rigidly, as the dataset says.
+//! Computes the exact truth of a rendered scene at another moment. Its object has moved rigidly, as the dataset
+//! describes.
 //!
-//! In: the truth, the setup with the motion, the moment. Out: the truth at that moment, per pixel of C1.
+//! In: the truth, the setup with the motion, and the moment. Out: the truth at that moment, per pixel of C1.
 //!
-//! Every point is moved in space, and its places in both images by the displacement that the cameras of the setup
-//! predict: their calibration error shifts the places, but hardly their differences. A pixel takes the nearest of the
-//! points that land around its centre (only of the front surface where one hides another), and follows the surface
-//! linearly for the rest, at most half a pixel along each axis. So the truth of the same moment stays the same to the
-//! bit.
+//! Each point is moved in space. Its points in both images move by the displacement that the calibrated cameras
+//! predict: the calibration error shifts the image points, but hardly changes their differences. A pixel takes the
+//! nearest of the points that land around its centre (only points of the front surface, if one surface hides another).
+//! It follows that surface linearly for the remaining distance, at most half a pixel along each axis. So the truth for
+//! the original moment stays the same to the bit.
 //!
-//! Whether the projector lights a point and C2 sees it is taken over unchanged: shadows and occlusions shift by about a
+//! Whether the projector lights a point and C2 sees it is not recomputed: shadows and occlusions shift by only about a
 //! pixel when the object rotates by a degree. Surfaces that come into view are unknown.
 
 use nalgebra::{Matrix2, Vector2};
@@ -16,46 +17,47 @@ use nalgebra::{Matrix2, Vector2};
 use fringeflow::geometry::{MeasurementVolume, Pixel, Point3, Pose, Vector3};
 use fringeflow_dataset::{Motion, RenderedTruth, Setup};
 
-use super::against_rendered::Frames;
+use super::frames::Frames;
 use super::pixel_grid::{pixel, point};
 
-/// A truth, and the pixels where it is complete.
+/// A truth, and the pixels for which it is complete.
 pub(super) struct MovedTruth {
     pub(super) truth: RenderedTruth,
-    /// Pixels whose visible surface is known, including those that see nothing.
+    /// Whether the visible surface of each pixel is known, including pixels that see nothing.
     pub(super) known: Vec<bool>,
 }
 
-/// A pixel takes points up to this distance from its centre, pixels: in a grid of pixels one lies within 0.71.
+/// A pixel takes points up to this distance from its centre, pixels. In a grid of pixels, there is always a point
+/// within 0.71.
 const REACH_PX: f64 = 0.75;
-/// A point this far behind another point of the same pixel is hidden, and belongs to another surface, metres.
+/// A point this far behind another point of the same pixel, in metres, is hidden and belongs to another surface.
 const LAYER_M: f64 = 2e-3;
-/// A stored point belongs to its pixel if it projects within this distance, pixels; calibration errors are smaller.
+/// A stored point belongs to its pixel if it projects within this distance, pixels. Calibration errors are smaller.
 const MAX_OFF_PX: f64 = 5.0;
 
-/// The truth of a scene that moves as `motion` says, at its phase image `image` (a fraction between two).
+/// Returns the truth of a scene that moves as in `motion`, at its phase image `image` (fractional between two images).
 ///
-/// `None` where the setup has no volume, whose frame the motion refers to, or the motion has no pose.
+/// Returns `None` if the setup has no volume, whose frame the motion refers to, or if the motion has no poses.
 pub(super) fn truth_at(truth: &RenderedTruth, setup: &Setup, motion: &Motion, image: f64) -> Option<MovedTruth> {
     let volume = setup.volume.as_ref()?;
     let frames = Frames::from_setup(setup);
     let scene = Scene { truth, setup, frames, motion: motion.pose_at(image)? };
-    let moved: Vec<Option<Moved>> = (0..truth.cam2_px.len()).map(|i| scene.moved(i)).collect();
+    let moved: Vec<Option<MovedPoint>> = (0..truth.cam2_px.len()).map(|i| scene.moved(i)).collect();
     let surface = Surface { moved: &moved, width: setup.image_size_px[0] };
-    let box_of_truth = MeasurementVolume::new(frames.exact_cam1_from_volume, *volume.min(), *volume.max()).ok()?;
+    let exact_volume = MeasurementVolume::new(frames.exact_cam1_from_volume, *volume.min(), *volume.max()).ok()?;
     let mut moved_truth =
-        MovedTruth { truth: unknown(truth), known: truth.cam2_px.iter().map(|q| q[0].is_nan()).collect() };
+        MovedTruth { truth: empty_truth(truth), known: truth.cam2_px.iter().map(|q| q[0].is_nan()).collect() };
     for (target, source) in surface.nearest().into_iter().enumerate() {
         let Some(source) = source else { continue };
-        let Some(place) = surface.at(source, target) else { continue };
+        let Some(point) = surface.point_at(source, target) else { continue };
         moved_truth.known[target] = true;
-        scene.write_pixel(&mut moved_truth.truth, target, source, &place, &box_of_truth);
+        scene.write_pixel(&mut moved_truth.truth, target, source, &point, &exact_volume);
     }
     Some(moved_truth)
 }
 
-/// A truth of the same size without any point.
-fn unknown(truth: &RenderedTruth) -> RenderedTruth {
+/// Returns a truth of the same size without points.
+fn empty_truth(truth: &RenderedTruth) -> RenderedTruth {
     let count = truth.cam2_px.len();
     let nothing = vec![false; count];
     RenderedTruth {
@@ -72,10 +74,10 @@ fn unknown(truth: &RenderedTruth) -> RenderedTruth {
 
 /// A point of the truth after the motion.
 #[derive(Clone, Copy, Debug)]
-struct Moved {
+struct MovedPoint {
     cam1_px: Pixel,
     cam2_px: Pixel,
-    /// Frame of the exact C1, metres.
+    /// In the frame of the exact C1, metres.
     point: Point3,
 }
 
@@ -83,13 +85,13 @@ struct Scene<'a> {
     truth: &'a RenderedTruth,
     setup: &'a Setup,
     frames: Frames,
-    /// Pose of the object relative to that of the truth, frame of the volume.
+    /// Pose of the object relative to that in the truth, in the frame of the volume.
     motion: Pose,
 }
 
 impl Scene<'_> {
-    /// The point of a pixel after the motion; `None` without a point.
-    fn moved(&self, i: usize) -> Option<Moved> {
+    /// Returns the point of a pixel after the motion, or `None` if the pixel has none.
+    fn moved(&self, i: usize) -> Option<MovedPoint> {
         let width = self.setup.image_size_px[0];
         let (centre, cam2_px) = (Pixel::new((i % width) as f64, (i / width) as f64), pixel(self.truth.cam2_px[i]));
         if !cam2_px.x.is_finite() {
@@ -98,46 +100,46 @@ impl Scene<'_> {
         let exact = self.frames.exact_cam1_from_volume;
         let before = exact.inverse() * point(self.truth.point[i], self.frames.unit_m);
         let after = self.motion * before;
-        let [seen_before, seen_after] = [before, after].map(|place| self.frames.cam1_from_volume * place);
+        let [seen_before, seen_after] = [before, after].map(|point| self.frames.cam1_from_volume * point);
         let rig = &self.setup.rig;
         let in_cam1 = rig.cam1.project(&seen_before).filter(|seen| (seen - centre).norm() <= MAX_OFF_PX)?;
-        // Only the difference of two projections counts: the calibration error cancels.
+        // Use only differences of two projections, in which the calibration error cancels.
         let cam1_px = centre + (rig.cam1.project(&seen_after)? - in_cam1);
         let cam2_px = cam2_px + (rig.project_cam2(&seen_after)? - rig.project_cam2(&seen_before)?);
-        Some(Moved { cam1_px, cam2_px, point: exact * after })
+        Some(MovedPoint { cam1_px, cam2_px, point: exact * after })
     }
 
-    /// Writes the truth of pixel `target`, which sees `place` of the surface that pixel `source` saw.
+    /// Writes the truth of pixel `target`, which sees `point` on the surface that pixel `source` saw.
     fn write_pixel(
         &self,
         to: &mut RenderedTruth,
         target: usize,
         source: usize,
-        place: &Moved,
+        point: &MovedPoint,
         volume: &MeasurementVolume,
     ) {
         let from = self.truth;
-        to.cam2_px[target] = place.cam2_px.coords.map(|c| c as f32).into();
-        to.point[target] = (place.point.coords / self.frames.unit_m).map(|c| c as f32).into();
-        to.seen_by_cam2[target] = from.seen_by_cam2[source] && self.setup.rig.cam2.sees(&place.cam2_px);
+        to.cam2_px[target] = point.cam2_px.coords.map(|c| c as f32).into();
+        to.point[target] = (point.point.coords / self.frames.unit_m).map(|c| c as f32).into();
+        to.seen_by_cam2[target] = from.seen_by_cam2[source] && self.setup.rig.cam2.sees(&point.cam2_px);
         to.lit[target] = from.lit[source];
-        to.in_volume[target] = volume.contains(&place.point);
+        to.in_volume[target] = volume.contains(&point.point);
         to.measurable[target] = to.seen_by_cam2[target] && to.lit[target] && to.in_volume[target];
         to.reference[target] = from.reference[source] && to.measurable[target];
         if let (Some(to_gray), Some(gray)) = (&mut to.gray_cam2_px, &from.gray_cam2_px) {
-            let way = place.cam2_px - pixel(from.cam2_px[source]);
-            to_gray[target] = (pixel(gray[source]) + way).coords.map(|c| c as f32).into();
+            let displacement = point.cam2_px - pixel(from.cam2_px[source]);
+            to_gray[target] = (pixel(gray[source]) + displacement).coords.map(|c| c as f32).into();
         }
     }
 }
 
-/// The moved points, indexed by the pixels that they came from.
+/// The moved points, indexed by their original pixels.
 struct Surface<'a> {
-    moved: &'a [Option<Moved>],
+    moved: &'a [Option<MovedPoint>],
     width: usize,
 }
 
-/// Change of places from one pixel to the next, along an axis of the image of C1 before the motion.
+/// Change from one pixel to the next, along an axis of the image of C1 before the motion.
 struct Slope {
     cam1_px: Vector2<f64>,
     cam2_px: Vector2<f64>,
@@ -145,9 +147,9 @@ struct Slope {
 }
 
 impl Surface<'_> {
-    /// For every pixel, the pixel whose point it sees now.
+    /// Returns, for each pixel, the original pixel of the point that it now sees.
     fn nearest(&self) -> Vec<Option<usize>> {
-        // First the depth of the front surface of each pixel, then the nearest point of that surface.
+        // First find the depth of the front surface at each pixel, then the nearest point of that surface.
         let mut front_m = vec![f64::INFINITY; self.moved.len()];
         self.for_each_in_reach(|target, _, moved, _| front_m[target] = moved.point.z.min(front_m[target]));
         let mut nearest = vec![(f64::INFINITY, None); self.moved.len()];
@@ -159,8 +161,9 @@ impl Surface<'_> {
         nearest.into_iter().map(|(_, source)| source).collect()
     }
 
-    /// Calls `call` for every point and every pixel in its reach: pixel, original pixel, point, distance in pixels.
-    fn for_each_in_reach(&self, mut call: impl FnMut(usize, usize, &Moved, f64)) {
+    /// Calls `call` for each point and each pixel in its reach, with the pixel, the original pixel, the point, and the
+    /// distance in pixels.
+    fn for_each_in_reach(&self, mut call: impl FnMut(usize, usize, &MovedPoint, f64)) {
         let height = self.moved.len() / self.width.max(1);
         for (source, moved) in self.moved.iter().enumerate() {
             let Some(moved) = moved else { continue };
@@ -177,24 +180,24 @@ impl Surface<'_> {
         }
     }
 
-    /// The place, on the surface that pixel `source` saw, that pixel `target` sees now.
-    fn at(&self, source: usize, target: usize) -> Option<Moved> {
+    /// Returns the point that pixel `target` now sees on the surface that pixel `source` saw.
+    fn point_at(&self, source: usize, target: usize) -> Option<MovedPoint> {
         let own = (*self.moved.get(source)?)?;
         let (column, row, height) = (source % self.width, source / self.width, self.moved.len() / self.width);
         let along_u = self.slope(&own, source, 1, [column > 0, column + 1 < self.width], Vector2::x());
         let along_v = self.slope(&own, source, self.width, [row > 0, row + 1 < height], Vector2::y());
         let centre = Pixel::new((target % self.width) as f64, (target / self.width) as f64);
         let steps = Matrix2::from_columns(&[along_u.cam1_px, along_v.cam1_px]).try_inverse()? * (centre - own.cam1_px);
-        Some(Moved {
+        Some(MovedPoint {
             cam1_px: centre,
             cam2_px: own.cam2_px + along_u.cam2_px * steps.x + along_v.cam2_px * steps.y,
             point: own.point + along_u.point * steps.x + along_v.point * steps.y,
         })
     }
 
-    /// The slope at a pixel, from the neighbours at `−step` and `+step` on the same surface. Without such neighbours,
-    /// both images move equally.
-    fn slope(&self, own: &Moved, source: usize, step: usize, inside: [bool; 2], axis: Vector2<f64>) -> Slope {
+    /// Returns the slope at a pixel, from the neighbours at `−step` and `+step` on the same surface. Without such
+    /// neighbours, both images are assumed to move equally.
+    fn slope(&self, own: &MovedPoint, source: usize, step: usize, inside: [bool; 2], axis: Vector2<f64>) -> Slope {
         let neighbour = |is_inside: bool, i: usize| {
             let other = is_inside.then(|| self.moved.get(i).copied().flatten()).flatten();
             other.filter(|other| (other.point.z - own.point.z).abs() <= LAYER_M)
@@ -225,7 +228,7 @@ mod tests {
 
     const SIZE_PX: [usize; 2] = [320, 256];
 
-    /// The truth of a moving object, its setup, and the exact truth at the pose of an image.
+    /// Returns the truth of a moving object, its setup, and the exact truth at the pose of an image.
     fn moving(object: Object, image: usize) -> (RenderedTruth, Setup, RenderedTruth) {
         let usual = SimulationOptions::usual(object);
         let options = SimulationOptions {
@@ -256,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_the_truth_of_the_object_traced_there() {
+    fn it_equals_the_traced_truth_of_the_moved_object() {
         for object in [Object::Nose, Object::Machine] {
             let image = 1;
             let (before, setup, exact) = moving(object, image);
@@ -280,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn at_its_own_moment_it_stays_the_same() {
+    fn at_the_original_moment_the_truth_stays_the_same() {
         let (before, setup, _) = moving(Object::Tooth, 0);
         let motion = setup.motion.as_ref().unwrap();
         let found = truth_at(&before, &setup, motion, motion.reference).unwrap();

@@ -1,4 +1,4 @@
-//! The paper's tables of results beside ours.
+//! Tables of results: those of the paper beside ours.
 
 use std::fmt::Write as _;
 
@@ -54,7 +54,7 @@ const fn row(
     CompletenessRow { object, com_percent, miss_percent, fpc_percent, points }
 }
 
-/// Table 1 as text, ours beside the paper's; objects that the paper lacks come last.
+/// Formats Table 1, ours beside that of the paper. Objects that the paper does not have come last.
 #[must_use]
 pub fn completeness_table(ours: &[CompletenessRow<'_>]) -> String {
     let mut text = format!("{:16}{:^34}  {:^34}\n", "", "paper", "ours");
@@ -72,7 +72,7 @@ pub fn completeness_table(ours: &[CompletenessRow<'_>]) -> String {
     text
 }
 
-/// Table 2 as text, ours beside the paper's.
+/// Formats Table 2, ours beside that of the paper.
 #[must_use]
 pub fn sequence_table(ours: &[SequenceRow]) -> String {
     let mut text = format!("{:16}{:^30}  {:^30}\n", "", "paper", "ours");

@@ -34,7 +34,7 @@ impl<'a> PixelGrid<'a> {
         self.points[pixel]
     }
 
-    /// Index of the pixel whose centre is closest to a point of C1, clamped to the image.
+    /// Returns the index of the pixel whose centre is closest to a point of C1, clamped to the image.
     pub(super) fn index_of(&self, cam1_px: &Pixel) -> usize {
         let clamp = |x: f64, size: usize| x.round_ties_even().clamp(0.0, size as f64 - 1.0) as usize;
         clamp(cam1_px.y, self.height) * self.width + clamp(cam1_px.x, self.width)
@@ -56,17 +56,17 @@ impl<'a> PixelGrid<'a> {
     }
 }
 
-/// A stored image point as a [`Pixel`].
+/// Converts a stored image point to a [`Pixel`].
 pub(super) fn pixel(stored: [f32; 2]) -> Pixel {
     Pixel::from(stored.map(f64::from))
 }
 
-/// Whether a point of C2 agrees with the reference; false where the reference is NaN.
+/// Whether a point of C2 agrees with the reference; false if the reference is NaN.
 pub(super) fn is_close(cam2_px: &Pixel, reference: [f32; 2]) -> bool {
     (cam2_px - pixel(reference)).norm() <= TOLERANCE_PX
 }
 
-/// A stored 3D point as a [`Point3`], in metres; its unit has `unit_m` metres.
+/// Converts a stored 3D point to a [`Point3`] in metres. Its unit is `unit_m` metres.
 pub(super) fn point(stored: [f32; 3], unit_m: f64) -> Point3 {
     Point3::from(stored.map(|x| f64::from(x) * unit_m))
 }

@@ -1,4 +1,4 @@
-//! The paper's reference data RD of a rendered scene: the true correspondences that Gray code finds as well (section
+//! The reference data RD of the paper for a rendered scene: the true correspondences that Gray code also finds (section
 //! 3).
 
 use fringeflow::cloud::Cloud;
@@ -7,12 +7,12 @@ use fringeflow_dataset::RenderedTruth;
 use super::EvaluationError;
 use super::pixel_grid::{PixelGrid, is_close, pixel};
 
-/// Limits the references of `truth` to measurable pixels where `gray`, the cloud of the Gray-code reference, agrees
-/// with the truth within [`super::TOLERANCE_PX`]. All other points of `gray` go to `gray_cam2_px`. For images of C1 of
+/// Limits the references of `truth` to measurable pixels at which the Gray-code reference agrees with the truth within
+/// [`super::TOLERANCE_PX`]. `gray` is its cloud. All other points of `gray` go to `gray_cam2_px`. The images of C1 have
 /// `size_px` (width, height).
 ///
 /// # Errors
-/// A cloud or a truth of another image size.
+/// The cloud or the truth has another image size.
 pub fn limit_to_gray_code(
     truth: RenderedTruth,
     gray: &Cloud,

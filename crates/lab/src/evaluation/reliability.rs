@@ -1,4 +1,4 @@
-//! Reliability of the confidences: of points with a confidence of 99 %, 99 % should be true.
+//! Reliability of the confidences: of the points with a confidence of 99 %, 99 % should be true.
 
 use serde::Serialize;
 
@@ -6,26 +6,26 @@ use fringeflow::cloud::Cloud;
 
 use super::Judgement;
 
-/// Number of parts with equal numbers of points.
+/// Number of parts, each with the same number of points.
 const PARTS: usize = 10;
 
 /// One of ten equal parts of the points, sorted by confidence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ReliabilityPart {
-    /// Judged points.
+    /// Number of judged points.
     pub points: u64,
-    /// Least confidence among them, percent.
+    /// Lowest confidence among them, percent.
     pub least_percent: f64,
     /// Mean of their confidences, percent.
     pub stated_percent: f64,
-    /// Share of them that are no false positives, percent.
+    /// Share of them that are not false positives, percent.
     pub true_percent: f64,
 }
 
-/// Splits the points of a cloud into ten equal parts, the lowest confidences first. Empty where no confidence is
-/// stated.
+/// Splits the points of a cloud into ten equal parts, the lowest confidences first. The result is empty if the points
+/// have no confidence.
 ///
-/// `judgements` are those of the pixels of C1, with `width` per row. Unjudged points are left out.
+/// `judgements` are those of the pixels of C1, with `width` per row. Unjudged points are skipped.
 #[must_use]
 pub fn reliability(cloud: &Cloud, judgements: &[Judgement], width: usize) -> Vec<ReliabilityPart> {
     let judged = cloud.points.iter().filter_map(|point| {
@@ -62,7 +62,7 @@ mod tests {
     fn parts_are_equal_and_show_stated_and_true_shares() {
         let points: Vec<_> = (0..40).map(|u| ([u, 0], [0.0, 0.0], 1.0)).collect();
         let mut cloud = cloud(&points);
-        // The first four are doubtful, and one of them is wrong.
+        // The first four are uncertain, and one of them is wrong.
         cloud.points.iter_mut().enumerate().for_each(|(i, p)| p.confidence = if i < 4 { 0.75 } else { 1.0 });
         let mut judgements = vec![Judgement::Correct; 40];
         judgements[2] = Judgement::Stray;

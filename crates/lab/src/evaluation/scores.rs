@@ -6,7 +6,7 @@ use super::{EvaluationError, Judgement};
 
 /// Scores of a cloud, in percent of the reference correspondences (paper, section 3).
 ///
-/// com + miss + fpc may exceed 100 %, since points without a reference can be false too.
+/// com + miss + fpc may exceed 100 %, since points without a reference can also be false.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Scores {
     /// Points of the cloud.
@@ -15,26 +15,26 @@ pub struct Scores {
     pub reference: u64,
     /// com: reference correspondences found correctly.
     pub com_percent: f64,
-    /// com of the interior: references whose neighbours in 5 × 5 are references too, within 1 mm of depth. `None` where
-    /// the truth is not exact or there is no interior.
+    /// com of the interior: references whose neighbours in 5 × 5 pixels are also references, within 1 mm of depth.
+    /// `None` if the truth is not exact or there is no interior.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interior_percent: Option<f64>,
     /// miss: reference correspondences without a point.
     pub miss_percent: f64,
-    /// fpc: points at a wrong place, the sum of [`Self::wrong_percent`] and [`Self::stray_percent`].
+    /// fpc: points in a wrong place, the sum of [`Self::wrong_percent`] and [`Self::stray_percent`].
     pub fpc_percent: f64,
     /// Points that disagree with their reference.
     pub wrong_percent: f64,
-    /// Points at pixels without a true correspondence; zero where these are unknown.
+    /// Points at pixels without a true correspondence; zero if these are unknown.
     pub stray_percent: f64,
-    /// Points that the exact truth does not support, even if Gray code has them too.
+    /// Points that the exact truth does not support, even if Gray code also has them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outliers_percent: Option<f64>,
     /// Points without a truth to judge them by.
     pub unjudged: u64,
-    /// Root mean square 3D distance of the correct points, metres; `None` without any.
+    /// Root mean square 3D distance of the correct points, metres; `None` if there are none.
     pub rms_m: Option<f64>,
-    /// Median 3D distance of the correct points, metres; `None` without any.
+    /// Median 3D distance of the correct points, metres; `None` if there are none.
     pub median_m: Option<f64>,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Counts a pixel that has one reference at most.
+    /// Counts a pixel with at most one reference.
     pub(super) fn add(&mut self, judgement: Judgement) {
         match judgement {
             Judgement::Correct => self.correct += 1,
@@ -62,7 +62,7 @@ impl Tally {
         }
     }
 
-    /// The scores, with the 3D errors of the correct points.
+    /// Computes the scores, with the 3D errors of the correct points.
     pub(super) fn scores(
         &self,
         points: usize,
@@ -95,7 +95,7 @@ fn rms(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| mean_square.sqrt())
 }
 
-/// Median, the mean of the two middle values of an even number.
+/// Returns the median; for an even count, the mean of the two middle values.
 fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let upper = *values.get(values.len() / 2)?;

@@ -1,4 +1,4 @@
-//! Simulated datasets with the paper's reference data (section 3).
+//! Writes simulated datasets with the reference data of the paper (section 3).
 
 use std::path::Path;
 
@@ -11,23 +11,23 @@ use super::{EvaluationError, GrayReferenceError, egc, limit_to_gray_code};
 /// Why a simulated dataset could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulatedDatasetError {
-    /// The images or the folder.
+    /// The images cannot be simulated, or the folder cannot be written.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
     /// The Gray-code reference cannot measure the images.
-    #[error("the reference data of the simulated images: {0}")]
+    #[error("cannot compute the reference data of the simulated images: {0}")]
     Gray(#[from] GrayReferenceError),
-    /// The Gray-code reference does not belong to the truth.
-    #[error("the reference data of the simulated images: {0}")]
+    /// The Gray-code reference does not fit the truth.
+    #[error("cannot compute the reference data of the simulated images: {0}")]
     Reference(#[from] EvaluationError),
 }
 
 impl Simulation {
-    /// Takes all images and writes the dataset folder; `on_image` is called after every image of both cameras.
+    /// Takes all images and writes the dataset folder. Calls `on_image` after each image of both cameras.
     ///
-    /// With Gray code, the references are the points that EGC finds in these very images and the truth confirms (paper,
-    /// section 3). For a moving object, EGC measures images of the object at rest in the middle of its phase images, where
-    /// the truth holds.
+    /// With Gray code, the references are the points that EGC finds in these images and that the truth confirms (paper,
+    /// section 3). For a moving object, EGC measures images of the object at rest in the middle of its phase images,
+    /// where the truth holds.
     ///
     /// # Errors
     /// The folder exists and is not empty, it cannot be written, or the Gray-code reference fails.
@@ -38,12 +38,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// The truth with the paper's reference data, for the images in `writer`.
+    /// Returns the truth with the reference data of the paper, for the images in `writer`.
     fn reference_data(&self, writer: &DatasetWriter, folder: &Path) -> Result<RenderedTruth, SimulatedDatasetError> {
         if !self.has_gray_code() {
             return Ok(self.truth().clone());
         }
-        // The images at rest live in a temporary folder, which is removed with its writer.
+        // The images at rest are in a temporary folder, which is removed when its writer is dropped.
         let resting = self.at_rest().map(|resting| resting.write_images(folder, || ())).transpose()?;
         let dataset = resting.as_ref().unwrap_or(writer).unfinished().map_err(SimulationError::from)?;
         let [cam1, _] = self.views();

@@ -1,25 +1,25 @@
-//! Evaluation of tracked poses against the true ones.
+//! Evaluates tracked poses against the true poses.
 
 use nalgebra::{Matrix6, Vector6};
 use serde::Serialize;
 
 use fringeflow::geometry::{Point3, Pose};
 
-/// Distance of tracked poses from the true ones; both are relative to the first pose.
+/// Distances of tracked poses from the true poses. Both are relative to the first pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrajectoryScores {
-    /// Poses compared, without the first.
+    /// Number of poses compared, without the first.
     pub poses: usize,
-    /// Root mean square distance between the tracked and the true position of a place, metres.
+    /// Root mean square distance between the tracked and the true position of a point, metres.
     pub rms_m: f64,
     /// Largest such distance, metres.
     pub max_m: f64,
-    /// That distance at the last pose, metres: the drift of a scan that returns.
+    /// This distance at the last pose, metres: the drift of a scan that returns to its start.
     pub last_m: f64,
     /// Root mean square of the rotation errors, rad.
     pub rms_rad: f64,
-    /// Root mean square of the errors in units of the stated standard deviations: 1 where these hold, more where they
-    /// are too small; `None` where a pose states none.
+    /// Root mean square of the errors in units of the stated standard deviations: 1 if these are right, more if they
+    /// are too small. `None` if a pose states none.
     pub rms_sd: Option<f64>,
 }
 
@@ -28,14 +28,15 @@ pub struct TrajectoryScores {
 pub struct StatedPose {
     /// Pose of camera 1 in its frame at the first cloud.
     pub first_from_cam1: Pose,
-    /// Covariance of its error as a small motion `x + t + ω × x` of that frame: t (metres) before ω (rad).
+    /// Covariance of its error as a small motion `x + t + ω × x` of that frame: first t (metres), then ω (rad).
     pub covariance: Matrix6<f64>,
 }
 
-/// Compares poses `first_from_cam1` with true poses `anything_from_cam1`, at a place of the first frame.
+/// Compares poses `first_from_cam1` with true poses `anything_from_cam1`, at the point `place` of the first frame.
 ///
-/// `cam1_from_exact` maps the exact frame of C1, which the true poses refer to, to its calibrated frame, which the
-/// tracked poses refer to: a camera knows its frame only by calibration. `None` for fewer than two poses.
+/// `cam1_from_exact` maps the exact frame of C1, to which the true poses refer, to its calibrated frame, to which the
+/// tracked poses refer. They differ because a camera knows its frame only by calibration. Returns `None` for fewer than
+/// two poses.
 #[must_use]
 pub fn against_trajectory(
     tracked: &[StatedPose],
@@ -70,7 +71,7 @@ pub fn against_trajectory(
     })
 }
 
-/// Mean square of the six components of an error in units of the standard deviation; `None` where none are stated.
+/// Mean square of the six components of an error in units of the standard deviation; `None` if no covariance is stated.
 fn square_in_sd(tracked: &StatedPose, expected: &Pose) -> Option<f64> {
     let error = tracked.first_from_cam1 * expected.inverse();
     let (shift, turn) = (error.translation.vector, error.rotation.scaled_axis());
@@ -99,7 +100,7 @@ mod tests {
         assert!(exact.poses == 2 && exact.max_m < 1e-12 && exact.rms_rad < 1e-7, "{exact:?}");
         let shift = Pose::translation(3e-4, 0.0, 4e-4);
         let off = scores(&[right[0], right[1], shift * right[2]]).unwrap();
-        // 3 and 4 standard deviations at one of two poses, none in the other ten components.
+        // Errors of 3 and 4 standard deviations at one of two poses, none in the other ten components.
         assert!((off.rms_sd.unwrap() - (25.0_f64 / 12.0).sqrt()).abs() < 1e-6 && off.last_m == off.max_m, "{off:?}");
         assert!((off.max_m - 5e-4).abs() < 1e-9 && (off.rms_m - 5e-4 / 2.0_f64.sqrt()).abs() < 1e-9, "{off:?}");
         assert!(scores(&right[..1]).is_none());

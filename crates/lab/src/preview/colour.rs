@@ -1,4 +1,4 @@
-//! Colour maps: sequential for quantities, diverging for quantities about zero, cyclic for phase; and a palette for
+//! Colour maps: sequential for quantities, diverging for quantities about zero, cyclic for phase. And a palette for
 //! categories.
 
 use std::f64::consts::TAU;
@@ -24,7 +24,7 @@ pub(super) const ORANGE: Rgb = [230, 159, 0];
 pub(super) const VERMILION: Rgb = [213, 94, 0];
 pub(super) const PURPLE: Rgb = [204, 121, 167];
 
-/// Samples of the colour map viridis by Smith, van der Walt and Firing (2015), at equal distances.
+/// Equidistant samples of the colour map viridis by Smith, van der Walt and Firing (2015).
 const VIRIDIS: [Rgb; 9] = [
     [68, 1, 84],
     [71, 45, 123],
@@ -37,34 +37,34 @@ const VIRIDIS: [Rgb; 9] = [
     [253, 231, 37],
 ];
 
-/// Colour of a value in [0, 1] of its range: dark violet to yellow, perceptually uniform.
+/// Returns the colour of a share in [0, 1] of the range: dark violet to yellow, perceptually uniform.
 pub(super) fn sequential(share: f32) -> Rgb {
     let last = VIRIDIS.len() - 1;
-    let place = share.clamp(0.0, 1.0) * last as f32;
-    let index = (place as usize).min(last - 1);
-    mix(VIRIDIS[index], VIRIDIS[index + 1], place - index as f32)
+    let position = share.clamp(0.0, 1.0) * last as f32;
+    let index = (position as usize).min(last - 1);
+    mix(VIRIDIS[index], VIRIDIS[index + 1], position - index as f32)
 }
 
-/// Colour of a value in [−1, 1] of its range: blue, light grey, red.
+/// Returns the colour of a share in [−1, 1] of the range: blue, light grey, red.
 pub(super) fn diverging(share: f32) -> Rgb {
     let end = if share < 0.0 { BLUE } else { VERMILION };
     mix(INK, end, share.abs().min(1.0))
 }
 
-/// Linear mixture of two colours.
+/// Mixes two colours linearly.
 pub(super) fn mix(from: Rgb, to: Rgb, share: f32) -> Rgb {
     std::array::from_fn(|c| (f32::from(from[c]) + share * (f32::from(to[c]) - f32::from(from[c]))).round() as u8)
 }
 
-/// A colour made darker (`factor` below 1).
+/// Darkens a colour (`factor` below 1).
 pub(super) fn shaded(colour: Rgb, factor: f32) -> Rgb {
     colour.map(|c| (f32::from(c) * factor).round().clamp(0.0, 255.0) as u8)
 }
 
-/// Colours of one period of phase in equal steps: a circle around the grey axis of Oklab.
+/// Returns the colours of one period of phase in equal steps: a circle around the grey axis of Oklab.
 ///
-/// Equal phase steps look equally large and there is no seam at 0. The lightness rises and falls once per period, so
-/// fringes are visible in a grey print as well.
+/// Equal phase steps look equally large, and there is no seam at 0. The lightness rises and falls once per period, so
+/// fringes are visible in a grey print too.
 pub(super) fn cyclic_map() -> [Rgb; 256] {
     std::array::from_fn(|i| {
         let (sin, cos) = (i as f64 / 256.0 * TAU).sin_cos();
@@ -73,7 +73,7 @@ pub(super) fn cyclic_map() -> [Rgb; 256] {
     })
 }
 
-/// sRGB of a colour in Oklab (Ottosson 2020).
+/// Converts a colour from Oklab (Ottosson 2020) to sRGB.
 fn from_oklab([lightness, a, b]: [f64; 3]) -> Rgb {
     let long = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
     let middle = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);

@@ -1,4 +1,4 @@
-//! A cloud as seen by C1: depth in colours, hill-shaded.
+//! Draws a cloud as seen by C1: depth in colours, hill-shaded.
 
 use fringeflow::cloud::Cloud;
 
@@ -7,13 +7,13 @@ use super::picture::Picture;
 use super::scale::with_scale;
 use super::shading::PointMap;
 
-/// Share of the points at either end of the depths that is clipped: outliers must not stretch the map.
+/// Share of the points that is clipped at each end of the depth range, so that outliers do not stretch the colours.
 const CLIPPED_SHARE: f64 = 0.005;
 
-/// Depth z of the points at their pixels of C1: yellow is near, violet is far, shaded as if lit from the upper left. A
-/// scale in millimetres is drawn below.
+/// Draws the depth z of the points at their pixels of C1: yellow is near, violet is far, shaded as if lit from the
+/// upper left. A scale in millimetres is drawn below.
 ///
-/// `size_px` is the size of the images of C1 (width, height); points outside are left out.
+/// `size_px` is the size of the images of C1 (width, height). Points outside are skipped.
 #[must_use]
 pub fn depth_picture(cloud: &Cloud, size_px: [usize; 2]) -> Picture {
     let map = point_map(cloud, size_px);
@@ -40,7 +40,7 @@ fn point_map(cloud: &Cloud, [width, height]: [usize; 2]) -> PointMap {
     PointMap { width, height, points_m }
 }
 
-/// Range of depths for the colours; its ends differ.
+/// Returns the range of depths for the colours. Its ends always differ.
 fn depth_range(map: &PointMap) -> [f32; 2] {
     let mut depths: Vec<f32> = map.points_m.iter().flatten().map(|p| p[2]).collect();
     if depths.is_empty() {
@@ -54,7 +54,7 @@ fn depth_range(map: &PointMap) -> [f32; 2] {
 }
 
 fn depth_colour(share: f32) -> Rgb {
-    // The darkest fifth of the map would vanish in the shading.
+    // The darkest part of the map would vanish in the shading.
     sequential(1.0 - 0.85 * share.clamp(0.0, 1.0))
 }
 
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn a_bump_is_brighter_on_the_lit_side() {
         let picture = depth_picture(&bump(), SIZE);
-        // Both lie equally far from the summit: the same depth, and the same colour before shading.
+        // Both are equally far from the summit, so they have the same depth and the same colour before shading.
         let [lit, averted] = [brightness(&picture, 50, 40), brightness(&picture, 70, 60)];
         assert!(lit * 4 > averted * 5, "lit {lit}, averted {averted}");
     }

@@ -1,4 +1,4 @@
-//! The drift of a calibration, as seen by C1.
+//! Draws the drift of a calibration, as seen by C1.
 
 use fringeflow::correspondence::DriftMap;
 
@@ -6,14 +6,14 @@ use super::colour::{BACKGROUND, diverging};
 use super::picture::Picture;
 use super::scale::with_scale;
 
-/// Least drift with the full colour, rad: smaller values are noise of the estimate.
-const LEAST_RANGE_RAD: f32 = 0.01;
+/// Minimum end of the scale, rad: smaller values are noise of the estimate.
+const MIN_RANGE_RAD: f32 = 0.01;
 
-/// Drift about its mean at the middle of the measurement volume, per pixel of C1: blue below zero, red above, dark
-/// where the pixel does not see the volume. A scale in radians is drawn below.
+/// Draws the drift about its mean at the middle of the measurement volume, per pixel of C1: blue below zero, red above,
+/// dark if the pixel does not see the volume. A scale in radians is drawn below.
 #[must_use]
 pub fn drift_picture(map: &DriftMap) -> Picture {
-    let range_rad = map.middle_rad.iter().flatten().fold(LEAST_RANGE_RAD, |range, drift| range.max(drift.abs()));
+    let range_rad = map.middle_rad.iter().flatten().fold(MIN_RANGE_RAD, |range, drift| range.max(drift.abs()));
     let picture =
         Picture::from_fn(map.size_px, |i| map.middle_rad[i].map_or(BACKGROUND, |drift| diverging(drift / range_rad)));
     let labels = [-range_rad, range_rad].map(|end| format!("{end:+.3} rad"));

@@ -1,5 +1,5 @@
-//! A bitmap font of 5 × 8 pixels, and drawing text with it. It is here because pictures need 42 characters, δ and ±
-//! among them, and a font crate would be a dependency for these few labels.
+//! A bitmap font of 5 × 8 pixels, and text drawing. Pictures need only 42 characters, among them δ and ±, so a font
+//! crate would be too large a dependency.
 
 use super::colour::Rgb;
 use super::picture::Picture;
@@ -9,7 +9,7 @@ const ROWS: usize = 8;
 /// Distance from one character to the next.
 const ADVANCE: usize = COLUMNS + 1;
 
-/// Characters and their rows from the top; the leftmost pixel is bit 4, and the last row holds descenders.
+/// Characters and their rows from the top. The leftmost pixel is bit 4, and the last row holds descenders.
 #[rustfmt::skip]
 const GLYPHS: [(char, [u8; ROWS]); 42] = [
     ('a', [0b00000, 0b00000, 0b01110, 0b00001, 0b01111, 0b10001, 0b01111, 0b00000]),
@@ -56,16 +56,16 @@ const GLYPHS: [(char, [u8; ROWS]); 42] = [
     ('δ', [0b00110, 0b01000, 0b00100, 0b01110, 0b10001, 0b10001, 0b01110, 0b00000]),
 ];
 
-/// Width and height of a text; a font pixel is a square of `scale` pixels.
+/// Returns the width and height of a text. A font pixel is a square of `scale` pixels.
 pub(super) fn text_size(text: &str, scale: usize) -> [usize; 2] {
     [(text.chars().count() * ADVANCE).saturating_sub(1) * scale, ROWS * scale]
 }
 
-/// Draws a text with its top left corner at `[left, top]`; characters missing in the font stay blank.
+/// Draws a text with its top left corner at `[left, top]`. Characters that the font does not have stay blank.
 pub(super) fn draw_text(picture: &mut Picture, [left, top]: [usize; 2], text: &str, scale: usize, colour: Rgb) {
-    for (place, character) in text.chars().enumerate() {
+    for (position, character) in text.chars().enumerate() {
         if let Some((_, rows)) = GLYPHS.iter().find(|(c, _)| *c == character) {
-            draw_glyph(picture, [left + place * ADVANCE * scale, top], rows, scale, colour);
+            draw_glyph(picture, [left + position * ADVANCE * scale, top], rows, scale, colour);
         }
     }
 }
@@ -99,7 +99,7 @@ mod tests {
         };
         let lit: Vec<usize> = (0..picture.pixels().len()).filter(|&i| picture.pixels()[i] != [0; 3]).collect();
         assert!(lit.iter().all(|&i| inside(i)));
-        // 15 font pixels in the m, 13 in the z; each is 2 × 2.
+        // 15 font pixels in the m, 13 in the z, each 2 × 2 pixels.
         assert_eq!(lit.len(), (15 + 13) * 4);
     }
 

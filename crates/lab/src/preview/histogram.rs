@@ -1,4 +1,4 @@
-//! The histogram of δ, with the threshold.
+//! Draws the histogram of δ, with the threshold.
 
 use std::f32::consts::PI;
 
@@ -7,16 +7,16 @@ use super::font::{draw_text, text_size};
 use super::picture::Picture;
 
 const SIZE: [usize; 2] = [960, 480];
-/// Top left corner of the plot, and its size; a bin is [`BAR`] wide.
+/// Top left corner of the plot, and its size. A bin is [`BAR`] wide.
 const PLOT: [usize; 2] = [80, 48];
 const PLOT_SIZE: [usize; 2] = [840, 360];
 const BAR: usize = 3;
 const BINS: usize = PLOT_SIZE[0] / BAR;
 const SCALE: usize = 2;
 
-/// Histogram of δ over (−π, π], with counts on a logarithmic axis; bins within ±`thr_rad` are blue.
+/// Draws the histogram of δ over (−π, π], with counts on a logarithmic axis. Bins within ±`thr_rad` are blue.
 ///
-/// True correspondences give a peak at 0, false candidates a floor. Values outside (−π, π] and NaN are left out.
+/// True correspondences make a peak at 0, false candidates a floor. Values outside (−π, π] and NaN are skipped.
 #[must_use]
 pub fn delta_histogram_picture(deltas_rad: &[f32], thr_rad: f32) -> Picture {
     let counts = histogram(deltas_rad);
@@ -46,12 +46,13 @@ fn centre_rad(bin: usize) -> f32 {
     (bin as f32 + 0.5) / BINS as f32 * 2.0 * PI - PI
 }
 
-/// Decades that the largest count needs.
+/// Returns the number of decades that the largest count needs.
 fn decades(counts: &[u64]) -> u32 {
     counts.iter().max().map_or(1, |&most| most.max(1).ilog10() + 1)
 }
 
-/// Height of a bar: a count of 1 is a tenth of a decade high, so that it is visible; 10^`decades` fills the plot.
+/// Returns the height of a bar. A count of 1 is a tenth of a decade high, so that it is visible; 10^`decades` fills the
+/// plot.
 fn bar_height(count: u64, decades: u32) -> usize {
     if count == 0 {
         return 0;
@@ -66,7 +67,7 @@ fn draw_grid(picture: &mut Picture, decades: u32) {
         let count = 10_u64.saturating_pow(decade);
         let top = bottom - bar_height(count, decades);
         picture.fill([PLOT[0], top], [PLOT_SIZE[0], 1], INVALID);
-        let label = short(count);
+        let label = short_count(count);
         let [width, height] = text_size(&label, SCALE);
         draw_text(picture, [PLOT[0] - 10 - width, top - height / 2 + 1], &label, SCALE, MUTED);
     }
@@ -83,7 +84,7 @@ fn draw_centred(picture: &mut Picture, [centre, top]: [usize; 2], text: &str) {
     draw_text(picture, [left, top], text, SCALE, MUTED);
 }
 
-/// Dashed lines at ±thr, and the share of values between them.
+/// Draws dashed lines at ±thr, and the share of values between them.
 fn draw_threshold(picture: &mut Picture, deltas_rad: &[f32], thr_rad: f32) {
     for u in [-thr_rad, thr_rad].map(column_of) {
         for v in (PLOT[1]..PLOT[1] + PLOT_SIZE[1]).step_by(10) {
@@ -98,14 +99,14 @@ fn draw_threshold(picture: &mut Picture, deltas_rad: &[f32], thr_rad: f32) {
     draw_text(picture, [left, 16], &format!("within {percent:.1} %"), SCALE, INK);
 }
 
-/// Column of a δ; values beyond the axis go to its ends.
+/// Returns the column of a δ. Values beyond the axis go to its ends.
 fn column_of(delta_rad: f32) -> usize {
     let share = ((delta_rad + PI) / (2.0 * PI)).clamp(0.0, 1.0);
     PLOT[0] + (share * PLOT_SIZE[0] as f32).round() as usize
 }
 
-/// A power of ten, with k for thousand and m for million.
-fn short(count: u64) -> String {
+/// Formats a power of ten, with k for thousand and m for million.
+fn short_count(count: u64) -> String {
     match count {
         0..1_000 => count.to_string(),
         1_000..1_000_000 => format!("{}k", count / 1_000),

@@ -1,13 +1,13 @@
-//! Correct and false points, where the truth is known.
+//! Draws correct and false points, if the truth is known.
 
 use super::colour::{BACKGROUND, BLUE, GREEN, MUTED, Rgb, SKY_BLUE, VERMILION, YELLOW, mix};
 use super::legend::{Entry, with_legend};
 use super::picture::Picture;
 use crate::evaluation::Judgement;
 
-/// The judgement of every pixel of C1 in colours, with a legend and the shares below.
+/// Draws the judgement of each pixel of C1 in colours, with a legend and the shares below.
 ///
-/// False points are drawn 3 × 3 pixels large, since single pixels vanish on a screen; the shares count pixels.
+/// False points are drawn 3 × 3 pixels large, since single pixels are hard to see on a screen. The shares count pixels.
 /// `judgements` are row by row for an image of `size_px` (width, height).
 #[must_use]
 pub fn judgement_picture(judgements: &[Judgement], size_px: [usize; 2]) -> Picture {

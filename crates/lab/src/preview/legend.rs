@@ -52,7 +52,7 @@ fn draw_entry(picture: &mut Picture, [left, top]: [usize; 2], entry: &Entry, sca
     draw_text(picture, [left + (SWATCH + 2 + PADDING) * scale, top + scale], &entry.text(), scale, INK);
 }
 
-/// Size of a font pixel that is readable in a picture of this width.
+/// Returns the size of a font pixel that is readable in a picture of this width.
 pub(super) fn text_scale(width: usize) -> usize {
     (width / 600).clamp(1, 4)
 }

@@ -1,4 +1,4 @@
-//! Pictures of the results of each stage, as PNG.
+//! Draws pictures of the results of each stage, as PNG.
 //!
 //! | picture | of | shows |
 //! |---|---|---|
@@ -11,8 +11,8 @@
 //! | [`judgement_picture`] | comparison with the truth | correct, wrong, stray, tolerated and missed points, with a legend |
 //! | [`delta_histogram_picture`] | back-projection test | histogram of δ with the threshold |
 //!
-//! Pure functions from slices to a [`Picture`]; nothing here measures. Quantities get perceptually uniform colour maps,
-//! categories the palette of Okabe and Ito, which colour-blind people can distinguish.
+//! All functions are pure: they map slices to a [`Picture`] and measure nothing. Quantities get perceptually uniform
+//! colour maps. Categories get the palette of Okabe and Ito, which colour-blind people can distinguish.
 
 mod colour;
 mod confidence;

@@ -1,4 +1,4 @@
-//! Outcome of every pixel.
+//! Draws the outcome of each pixel.
 
 use fringeflow::correspondence::{Outcome, OutcomeCounts};
 
@@ -6,9 +6,9 @@ use super::colour::{BACKGROUND, BLUE, GREEN, INK, INVALID, MUTED, ORANGE, PURPLE
 use super::legend::{Entry, with_legend};
 use super::picture::Picture;
 
-/// The outcome of every pixel of C1 in colours, with a legend of the outcomes that occur and their shares below.
+/// Draws the outcome of each pixel of C1 in colours, with a legend of the outcomes that occur and their shares below.
 ///
-/// `outcomes` are row by row for an image of `size_px` (width, height); pixels without one stay dark.
+/// `outcomes` are row by row for an image of `size_px` (width, height). Pixels without an outcome stay dark.
 #[must_use]
 pub fn outcome_picture(outcomes: &[Outcome], size_px: [usize; 2]) -> Picture {
     let picture = Picture::from_fn(size_px, |i| outcomes.get(i).map_or(BACKGROUND, |&o| colour(o)));
@@ -26,7 +26,8 @@ fn legend(outcomes: &[Outcome]) -> Vec<Entry> {
     occurring.map(entry).collect()
 }
 
-/// Cool colours for easy decisions, yellow for those with neighbours across, warm colours for rejections.
+/// Cool colours for easy decisions, yellow for decisions by neighbours across the epipolar lines, warm colours for
+/// rejections.
 fn colour(outcome: Outcome) -> Rgb {
     match outcome {
         Outcome::GrayCode => INK,

@@ -1,4 +1,4 @@
-//! Wrapped phase and modulation as pictures.
+//! Draws wrapped phase and modulation.
 
 use fringeflow::phase::{Modulation, PhaseMap};
 
@@ -8,7 +8,7 @@ use super::picture::Picture;
 /// Share of the pixels that the modulation picture clips to white.
 const WHITE_SHARE: f64 = 0.005;
 
-/// The wrapped phase in cyclic colours; invalid pixels are dark grey.
+/// Draws the wrapped phase in cyclic colours. Invalid pixels are dark grey.
 #[must_use]
 pub fn phase_picture(map: &PhaseMap) -> Picture {
     let colours = cyclic_map();
@@ -17,7 +17,7 @@ pub fn phase_picture(map: &PhaseMap) -> Picture {
     })
 }
 
-/// The modulation in grey: black is none, white its 99.5th percentile.
+/// Draws the modulation in grey: black is zero, white its 99.5th percentile.
 #[must_use]
 pub fn modulation_picture(map: &PhaseMap) -> Picture {
     let white = upper_percentile(&map.modulation);

@@ -16,12 +16,12 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// A picture of one colour.
+    /// Creates a picture of one colour.
     pub(super) fn filled([width, height]: [usize; 2], colour: Rgb) -> Self {
         Self { width, height, pixels: vec![colour; width * height] }
     }
 
-    /// A picture whose pixel `i`, row by row, is `colour(i)`.
+    /// Creates a picture whose pixel `i`, counted row by row, is `colour(i)`.
     pub(super) fn from_fn([width, height]: [usize; 2], colour: impl FnMut(usize) -> Rgb) -> Self {
         Self { width, height, pixels: (0..width * height).map(colour).collect() }
     }
@@ -54,7 +54,7 @@ impl Picture {
         }
     }
 
-    /// The picture with `rows` rows of `colour` below it.
+    /// Returns the picture with `rows` rows of `colour` below it.
     pub(super) fn with_strip_below(mut self, rows: usize, colour: Rgb) -> Self {
         self.height += rows;
         self.pixels.resize(self.width * self.height, colour);
@@ -64,7 +64,7 @@ impl Picture {
     /// Writes the picture as a PNG file.
     ///
     /// # Errors
-    /// The file cannot be written; a file that stood there stays. A picture without pixels is no valid PNG.
+    /// The file cannot be written. An existing file then stays. A picture without pixels is not a valid PNG.
     pub fn write_png(&self, path: &Path) -> Result<(), WriteError> {
         let bytes = self.pixels.as_flattened();
         write_atomically(path, |out| {

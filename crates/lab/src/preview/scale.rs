@@ -5,8 +5,8 @@ use super::font::{draw_text, text_size};
 use super::legend::text_scale;
 use super::picture::Picture;
 
-/// Adds a bar below a picture. `colour` maps a share in [0, 1] of the range to its colour; `labels` are those of the
-/// ends.
+/// Adds a colour bar below a picture. `colour` maps a share in [0, 1] of the range to its colour. `labels` are those of
+/// the ends.
 pub(super) fn with_scale(picture: Picture, labels: &[String; 2], colour: impl Fn(f32) -> Rgb) -> Picture {
     let [width, height] = picture.size_px();
     let scale = text_scale(width);

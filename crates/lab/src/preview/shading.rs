@@ -1,10 +1,10 @@
-//! Surface normals from neighbouring points of a cloud, and shading.
+//! Computes surface normals from neighbouring points of a cloud, and shading.
 
-/// Pixels to each side in the fit of a normal: enough to average out the noise of single points.
+/// Pixels to each side in the fit of a normal, enough to average out the noise of single points.
 const REACH: usize = 2;
-/// Neighbours with a larger depth difference per lateral distance belong to another surface.
-const STEEPEST: f32 = 4.0;
-/// Direction of the light, frame of C1: from the upper left behind the camera.
+/// Maximum slope: neighbours with a larger depth difference per lateral distance belong to another surface.
+const MAX_SLOPE: f32 = 4.0;
+/// Direction of the light in the frame of C1: from the upper left behind the camera.
 const LIGHT: [f32; 3] = [-0.36, -0.48, -0.8];
 /// Ambient light.
 const AMBIENT: f32 = 0.42;
@@ -23,14 +23,14 @@ impl PointMap {
         AMBIENT + (1.0 - AMBIENT) * dot(normal, LIGHT).max(0.0)
     }
 
-    /// Unit normal towards the camera; `None` where the neighbours span no plane.
+    /// Returns the unit normal towards the camera, or `None` if the neighbours do not span a plane.
     fn normal(&self, u: usize, v: usize, centre: [f32; 3]) -> Option<[f32; 3]> {
         let mut fit = TangentFit::default();
         for row in v.saturating_sub(REACH)..(v + REACH + 1).min(self.height) {
             for column in u.saturating_sub(REACH)..(u + REACH + 1).min(self.width) {
                 let Some(point) = self.points_m[row * self.width + column] else { continue };
                 let offset = subtract(point, centre);
-                if offset[2].abs() <= STEEPEST * offset[0].hypot(offset[1]) {
+                if offset[2].abs() <= MAX_SLOPE * offset[0].hypot(offset[1]) {
                     fit.add([column as f32 - u as f32, row as f32 - v as f32], offset);
                 }
             }
@@ -40,7 +40,7 @@ impl PointMap {
     }
 }
 
-/// Least squares of offset ≈ a·du + b·dv: a and b are tangents of the surface, a × b is its normal.
+/// Least-squares fit of offset ≈ a·du + b·dv. a and b are tangents of the surface, a × b is its normal.
 #[derive(Default)]
 struct TangentFit {
     uu: f32,
@@ -61,7 +61,8 @@ impl TangentFit {
         }
     }
 
-    /// Normal of arbitrary length; the determinant of the normal equations is positive and keeps its direction.
+    /// Returns a normal of arbitrary length. The determinant of the normal equations is positive, so it keeps the
+    /// direction.
     fn normal(&self) -> Option<[f32; 3]> {
         let determinant = self.uu * self.vv - self.uv * self.uv;
         if determinant < 0.5 {

@@ -8,13 +8,13 @@ use super::RigReportError;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CalibrationQuality {
-    /// Its contribution to the standard deviation of δ, rad, at the period of the report.
+    /// Contribution of the calibration to the standard deviation of δ, rad, at the period of the report.
     SdRad(f64),
-    /// Standard deviation of every coordinate of a projected point, in each of the three images, pixels.
+    /// Standard deviation of each coordinate of a projected point, in each of the three images, pixels.
     ErrorPx(f64),
 }
 
-/// Noise, modulation, steps and calibration.
+/// Assumed noise, modulation, phase shifts and calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Assumptions {
     /// Number of phase shifts, N.
@@ -28,8 +28,8 @@ pub struct Assumptions {
 }
 
 impl Default for Assumptions {
-    /// Four steps, an ordinary 8-bit camera in good light, and the calibration error that gives the paper's sd of 0.041
-    /// rad on a rig of similar proportions.
+    /// Four phase shifts, an ordinary 8-bit camera in good light, and the calibration error that gives the sd of the
+    /// paper, 0.041 rad, on a rig of similar proportions.
     fn default() -> Self {
         Self { steps: 4, noise_grey: 1.5, modulation_grey: 80.0, calibration: CalibrationQuality::ErrorPx(0.065) }
     }
@@ -42,8 +42,7 @@ impl Assumptions {
         (2.0 / self.steps as f64).sqrt() * self.noise_grey / self.modulation_grey
     }
 
-    /// The assumptions for a pattern with a period `factor` times as long: a calibration error stays the same in
-    /// pixels.
+    /// Returns the assumptions for a period `factor` times as long. A calibration error in pixels stays the same.
     pub(super) fn with_period_scaled(mut self, factor: f64) -> Self {
         if let CalibrationQuality::SdRad(sd_rad) = &mut self.calibration {
             *sd_rad /= factor;

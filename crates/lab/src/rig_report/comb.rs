@@ -1,7 +1,8 @@
-//! The comb: wrong fringe orders that pass the back-projection test on a locally flat surface, and how often.
+//! The comb: the wrong fringe orders that pass the back-projection test on a locally flat surface, and how often they
+//! do.
 //!
-//! Eq. 1 assumes that δ of a wrong candidate is uniform. On a flat surface it is not: k orders away it is close to
-//! 2π·k·r, where r is the place of the projector on the base, so the same orders survive over the whole image. Here
+//! Eq. 1 assumes that δ of a wrong candidate is uniform. On a flat surface it is not: k orders away, δ is close to
+//! 2π·k·r, where r is the place of the projector on the base. So the same orders survive over the whole image. Here
 //! each case (pixel, depth, tilt of the surface) is computed exactly: along the epipolar line on the surface to the
 //! point that C2 sees with the same wrapped phase, back to the ray of C1, and into the projector.
 
@@ -22,7 +23,7 @@ const DEPTH_SHARES: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 const TILTS_DEG: [f64; 5] = [-40.0, -20.0, 0.0, 20.0, 40.0];
 /// Index of the tilt that faces the rig.
 const FACING: usize = 2;
-/// Steps of the secant method after which a phase counts as not found.
+/// Number of steps of the secant method after which the search for a phase gives up.
 const MAX_SECANT_STEPS: usize = 12;
 /// Phase error at convergence, periods.
 const PHASE_TOLERANCE: f64 = 1e-8;
@@ -32,11 +33,11 @@ const PHASE_TOLERANCE: f64 = 1e-8;
 pub struct Tooth {
     /// Fringe orders between the wrong candidate and the true point, not 0.
     pub order: i32,
-    /// Share of the cases in which that candidate lies on the segment.
+    /// Share of the cases in which this candidate lies on the segment.
     pub present_share: f64,
     /// Share of the cases in which it also survives |δ| < thr.
     pub surviving_share: f64,
-    /// Mean of |δ| where present, rad; 0 where never present.
+    /// Mean of |δ| over the cases with this candidate, rad; 0 if there are none.
     pub mean_abs_delta_rad: f64,
     /// |2π·order·r|, wrapped: the value for a distant flat surface, rad.
     pub approximate_abs_delta_rad: f64,
@@ -45,13 +46,13 @@ pub struct Tooth {
 /// The wrong fringe orders of a rig.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comb {
-    /// Cases evaluated: pixels × depths × tilts in which all three devices see the true point.
+    /// Number of cases evaluated: pixels × depths × tilts in which all three devices see the true point.
     pub cases: u64,
     /// Surviving wrong candidates per true one on flat surfaces; compare with efc.
     pub survivors: f64,
-    /// The same on surfaces that face the rig: the worst case of a projector near the middle of the base.
+    /// The same on surfaces that face the rig: the worst case for a projector near the middle of the base.
     pub survivors_facing: f64,
-    /// One entry for each order from −K to K without 0.
+    /// One entry for each order from −K to K except 0.
     pub teeth: Vec<Tooth>,
 }
 
@@ -70,7 +71,7 @@ impl Tally {
         Self { cases: 0, facing: (0, 0), orders: vec![(0, 0, 0.0); 2 * max_order.unsigned_abs() as usize] }
     }
 
-    /// Survivors per case; `None` without a case.
+    /// Survivors per case; `None` if there is no case.
     pub(super) fn survivors(&self) -> Option<f64> {
         (self.cases > 0).then(|| self.surviving() as f64 / self.cases as f64)
     }
@@ -101,7 +102,7 @@ impl AddAssign<&Self> for Tally {
     }
 }
 
-/// Index of an order in a tally.
+/// Returns the index of an order in a tally.
 fn order_index(order: i32) -> usize {
     2 * (order.unsigned_abs() as usize - 1) + usize::from(order < 0)
 }
@@ -129,7 +130,7 @@ impl<'a> Cases<'a> {
         }
     }
 
-    /// The tally of one pixel.
+    /// Computes the tally of one pixel.
     pub(super) fn pixel_tally(&self, segment: &Segment) -> Tally {
         let mut tally = Tally::new(self.max_order);
         for point in DEPTH_SHARES.map(|share| segment.at_share(share)) {
@@ -148,7 +149,7 @@ impl<'a> Cases<'a> {
         tally
     }
 
-    /// Adds one case: the flat `surface` through the true point, whose phase is `phase` periods.
+    /// Adds one case: the flat `surface` through the true point. `phase` is the phase of that point, periods.
     fn add_case(&self, tally: &mut Tally, segment: &Segment, surface: &Surface, phase: f64) {
         if !surface.has_all_on_one_side(&self.eyes) {
             return;
@@ -156,9 +157,9 @@ impl<'a> Cases<'a> {
         let Some(trace) = Trace::new(self, segment, surface, phase) else { return };
         tally.cases += 1;
         for sense in [1, -1] {
-            // The last place found starts the search for the next order.
+            // The place of the last candidate is the start of the search for the next order.
             let mut place_m = 0.0;
-            // Phase and depth are monotone along the trace: after the first missing candidate there are no others.
+            // Phase and depth are monotone along the trace: after the first missing candidate there are no more.
             for order in (1..=tally.max_order()).map(|k| sense * k) {
                 let Some((found_m, candidate)) = trace.candidate(self, segment, place_m, f64::from(order)) else {
                     break;
@@ -172,14 +173,14 @@ impl<'a> Cases<'a> {
     }
 }
 
-/// The intersection of a pixel's epipolar plane with a surface.
+/// Intersection of the epipolar plane of a pixel with a surface.
 struct Trace {
     origin: Point3,
     direction: Vector3,
     phase: f64,
     /// Metres along the line per period of phase, at the true point.
     metres_per_turn: f64,
-    /// Normal to C1's ray in the epipolar plane.
+    /// Normal to the ray of C1 in the epipolar plane.
     across_ray: Vector3,
 }
 
@@ -199,7 +200,8 @@ impl Trace {
         })
     }
 
-    /// The candidate `order` periods away: its place on the trace, and the point that C1 and C2 would triangulate.
+    /// Returns the candidate `order` periods away: its place on the trace, and the point that C1 and C2 would
+    /// triangulate.
     fn candidate(&self, cases: &Cases, segment: &Segment, from_m: f64, order: f64) -> Option<(f64, Point3)> {
         let place_m = self.place_of_phase(cases.setup, from_m, self.phase + order)?;
         let on_surface = self.origin + self.direction * place_m;
@@ -208,7 +210,7 @@ impl Trace {
         cases.setup.cam2_sees(&candidate).then_some((place_m, candidate))
     }
 
-    /// Place where the phase is `target` periods, by the secant method starting at `from_m`.
+    /// Finds the place where the phase is `target` periods, by the secant method starting at `from_m`.
     fn place_of_phase(&self, setup: &RigSetup, from_m: f64, target: f64) -> Option<f64> {
         let error_at = |place_m: f64| Some(setup.phase_turns(&(self.origin + self.direction * place_m))? - target);
         let (mut before_m, mut before) = (from_m, error_at(from_m)?);
@@ -227,7 +229,8 @@ impl Trace {
         None
     }
 
-    /// Intersection of C2's ray through a point of the trace with C1's ray, if it lies on the segment.
+    /// Intersects the ray of C2 through a point of the trace with the ray of C1. Returns `None` if the intersection is
+    /// not on the segment.
     fn on_ray(&self, cases: &Cases, segment: &Segment, on_surface: &Point3) -> Option<Point3> {
         let direction = on_surface - cases.cam2;
         let distance = -self.across_ray.dot(&cases.cam2.coords) / self.across_ray.dot(&direction);
@@ -236,7 +239,7 @@ impl Trace {
     }
 }
 
-/// The comb of all cases of a rig, with the projector at `place_on_base`.
+/// Computes the comb of all cases of a rig, with the projector at `place_on_base`.
 pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
     let survivors = tally.survivors()?;
     let max_order = tally.max_order();
@@ -257,7 +260,7 @@ pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
     Some(Comb { cases: tally.cases, survivors, survivors_facing, teeth })
 }
 
-/// An angle wrapped to [−π, π).
+/// Wraps an angle to [−π, π).
 fn wrapped(angle_rad: f64) -> f64 {
     (angle_rad + PI).rem_euclid(TAU) - PI
 }

@@ -1,9 +1,9 @@
-//! Standard deviation of δ at the true point, from camera noise and calibration error.
+//! Predicts the standard deviation of δ at the true point, from camera noise and calibration error.
 //!
-//! A phase error e1 in C1 and e2 in C2 moves the candidate along the segment until φ2 compensates e1 − e2. The phase in
-//! the projector moves with it, by the amplification `A = (dΦ_P along the ray of C1) / (dφ2 along the segment)`, so
-//! that `δ = A·(e1 − e2) − e1` and `sd² = ((1 − A)² + A²)·sd(φ)²`. A is the place r of the projector on the base,
-//! except for perspective and tilt. Calibration errors are propagated by moving image points a little.
+//! Phase errors e1 in C1 and e2 in C2 move the candidate along the segment until φ2 compensates e1 − e2. The phase in
+//! the projector moves with it, by the amplification `A = (dΦ_P along the ray of C1) / (dφ2 along the segment)`. So `δ
+//! = A·(e1 − e2) − e1` and `sd² = ((1 − A)² + A²)·sd(φ)²`. A equals the place r of the projector on the base, apart
+//! from perspective and tilt. Calibration errors are propagated by moving image points slightly.
 
 use std::f64::consts::{SQRT_2, TAU};
 
@@ -15,9 +15,9 @@ use super::segment::Segment;
 use super::surface::Surface;
 use super::{Assumptions, CalibrationQuality, RigSetup};
 
-/// Relative change of depth for the slopes.
+/// Relative change of depth for computing slopes.
 const DEPTH_STEP: f64 = 1e-4;
-/// Least phase slope in C2 that determines a point, periods per relative depth.
+/// Minimum phase slope in C2 that determines a point, periods per relative depth.
 const MIN_SLOPE: f64 = 1e-6;
 
 /// Predicted standard deviation of δ, root mean square over the image.
@@ -25,7 +25,7 @@ const MIN_SLOPE: f64 = 1e-6;
 pub struct Deviation {
     /// Standard deviation of a wrapped phase caused by camera noise, rad.
     pub phase_sd_rad: f64,
-    /// Mean amplification A of a phase error in C2; close to the place of the projector on the base.
+    /// Mean amplification A of a phase error in C2. It is close to the place of the projector on the base.
     pub amplification: f64,
     /// Contribution of camera noise to the standard deviation of δ, rad.
     pub noise_sd_rad: f64,
@@ -47,8 +47,8 @@ pub(super) struct PixelDeviation {
     depth_sd_m: f64,
 }
 
-/// The deviation at the middle of a segment; `None` where C2 does not see it, P does not light it, or the phase in C2
-/// is constant.
+/// Returns the deviation at the middle of a segment, or `None` if C2 does not see that point, P does not light it, or
+/// the phase in C2 is constant.
 pub(super) fn at(setup: &RigSetup, assumptions: &Assumptions, segment: &Segment) -> Option<PixelDeviation> {
     let point = segment.at_share(0.5);
     if !setup.cam2_sees(&point) {
@@ -63,14 +63,14 @@ pub(super) fn at(setup: &RigSetup, assumptions: &Assumptions, segment: &Segment)
     })
 }
 
-/// Periods of phase per relative change of depth: in the projector for points on C1's ray, and as seen by C2 on the
-/// flat surface through `point`.
+/// Returns the change of phase in periods per relative change of depth: in the projector for points on the ray of C1,
+/// and as seen by C2 on the flat surface through `point`.
 fn slopes(setup: &RigSetup, point: &Point3) -> Option<(f64, f64)> {
     let surface = Surface::facing(setup, *point);
     let eye = setup.rig.centre_of_cam2();
     let [near, far] = [-DEPTH_STEP, DEPTH_STEP].map(|change| point * (1.0 + change));
     let along_ray = setup.phase_turns(&far)? - setup.phase_turns(&near)?;
-    let seen = |place: &Point3| setup.phase_turns(&surface.intersection(&eye, place)?);
+    let seen = |point: &Point3| setup.phase_turns(&surface.intersection(&eye, point)?);
     let along_segment = seen(&far)? - seen(&near)?;
     let slopes = (along_ray / (2.0 * DEPTH_STEP), along_segment / (2.0 * DEPTH_STEP));
     (slopes.1.abs() > MIN_SLOPE).then_some(slopes)
@@ -101,7 +101,7 @@ fn back_projected(setup: &RigSetup, in_cam1: &Pixel, in_cam2: &Pixel) -> Option<
     setup.phase_turns(&triangulate(&setup.rig, in_cam1, in_cam2)?.point_cam1)
 }
 
-/// Root mean squares of the contributions.
+/// Computes the root mean squares of the contributions.
 pub(super) fn summary(assumptions: &Assumptions, all: &[PixelDeviation]) -> Option<Deviation> {
     let mean = |of: fn(&PixelDeviation) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
     let phase_sd_rad = assumptions.phase_sd_rad();

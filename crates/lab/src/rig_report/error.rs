@@ -37,7 +37,10 @@ pub enum RigReportError {
         range: &'static str,
     },
     /// The cameras are at the same place.
-    #[error("cameras 1 and 2 are {base_m:e} m apart: without a base there are no segments; check T2 and the unit")]
+    #[error(
+        "cameras 1 and 2 are only {base_m:e} m apart: without a base there are no epipolar segments; check T2 and the \
+         unit"
+    )]
     NoBase {
         /// Distance of the centres, metres.
         base_m: f64,
@@ -57,7 +60,7 @@ pub enum RigReportError {
         /// Its z, metres.
         z_m: f64,
     },
-    /// Each device sees a part of the volume, but no part is seen by all.
+    /// Each device sees a part of the volume, but all three see no common part.
     #[error(
         "no point of the measurement volume is seen by both cameras and the projector (camera 1 sees {cam1:.1} % of \
          it, camera 2 {cam2:.1} %, the projector {projector:.1} %); move the volume to where their views overlap"
@@ -70,10 +73,10 @@ pub enum RigReportError {
         /// Share that P lights, percent.
         projector: f64,
     },
-    /// No pixel of the grid yields a figure.
+    /// No pixel of the grid gives a result.
     #[error(
-        "no pixel of camera 1, taken every {grid_step_px} px, has a segment with fringes on it; \
-         take a finer grid or a larger volume"
+        "no pixel of camera 1, in a grid of {grid_step_px} px, has an epipolar segment with fringes; \
+         use a finer grid or a larger volume"
     )]
     NoSegments {
         /// Spacing of the grid, pixels.

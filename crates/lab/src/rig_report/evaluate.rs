@@ -1,4 +1,4 @@
-//! Evaluation of a rig over a grid of pixels, row by row.
+//! Evaluates a rig over a grid of pixels, row by row.
 
 use std::f64::consts::PI;
 
@@ -13,10 +13,10 @@ use super::segment::{self, Periods, Segment, SegmentPeriods};
 use super::surface::Surface;
 use super::{Assumptions, RigReportError, RigSetup};
 
-/// Most fringe orders to either side in the comb.
+/// Maximum number of fringe orders on each side in the comb.
 const MAX_ORDERS: f64 = 40.0;
 
-/// A value per pixel of the grid, row by row; `None` where there is none.
+/// A value per pixel of the grid, row by row; `None` if there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PixelMap {
     /// Pixels of the grid in a row.
@@ -38,7 +38,7 @@ pub struct Evaluation {
     pub deviation: Deviation,
     /// Expected false candidates per true one on arbitrary surfaces, 3·sd·(n − 1)/π (paper, Eq. 1).
     pub efc: f64,
-    /// Wrong orders that survive on flat surfaces.
+    /// Wrong fringe orders that survive on flat surfaces.
     pub comb: Comb,
     /// Periods n over the grid.
     #[serde(skip)]
@@ -78,7 +78,7 @@ impl Evaluation {
 }
 
 /// Figures of a pixel that do not depend on the threshold.
-type Basics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
+type PixelBasics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
 
 /// Evaluates a rig over every `grid_step_px`-th pixel.
 pub(super) fn evaluate(
@@ -115,18 +115,18 @@ pub(super) fn evaluate(
     })
 }
 
-fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> Basics {
+fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> PixelBasics {
     let Some(segment) = Segment::new(setup, pixel) else { return (None, None, None) };
     let periods = segment::periods(setup, &segment, surface);
     (Some(segment), periods, deviation::at(setup, assumptions, &segment))
 }
 
-/// Expected false candidates per true one (paper, Eq. 1); 0 where a segment has less than one period.
+/// Expected false candidates per true one (paper, Eq. 1); 0 if a segment has less than one period.
 fn efc(sd_rad: f64, n: f64) -> f64 {
     (3.0 * sd_rad * (n - 1.0) / PI).max(0.0)
 }
 
-/// Maps all cells of a grid, rows in parallel; the results are in the order of the cells.
+/// Maps all cells of a grid, with rows in parallel. The results are in the order of the cells.
 fn by_row<T: Sync, U: Send>(grid: &[Vec<T>], map: impl Fn(&T) -> U + Sync) -> Vec<U> {
     let rows: Vec<Vec<U>> = grid.par_iter().map(|row| row.iter().map(&map).collect()).collect();
     rows.into_iter().flatten().collect()

@@ -9,7 +9,7 @@ use fringeflow::geometry::{Pixel, Point3, Vector3};
 use super::segment::{self, Segment};
 use super::{Assumptions, Device, RigReportError, RigSetup};
 
-/// Cells along each axis of the volume; their centres are tested.
+/// Number of cells along each axis of the volume. Their centres are tested.
 const CELLS: usize = 16;
 
 /// Lengths, angles and resolution at the centre of the volume.
@@ -39,12 +39,12 @@ pub struct Layout {
     pub pixel_footprint_m: f64,
     /// Depth (z of C1) that moves a point by one pixel in C2, metres.
     pub depth_per_pixel_m: f64,
-    /// Depth (z of C1) that moves a point by one rad of the fringes, metres: the disagreement, per rad of δ, between
-    /// the depth from both cameras and that from C1 and P. Infinite where the fringes do not depend on depth.
+    /// Depth (z of C1) that moves a point by one rad of the fringes, metres. It converts δ to the difference between
+    /// the depth from both cameras and the depth from C1 and P. Infinite if the fringes do not depend on depth.
     pub depth_per_rad_m: f64,
     /// Period of the fringes, projector pixels.
     pub period_px: f64,
-    /// Period of the fringes at the centre of the volume, perpendicular to the projector's axis, metres.
+    /// Period of the fringes at the centre of the volume, perpendicular to the axis of the projector, metres.
     pub period_m: f64,
     /// Standard deviation of a wrapped phase caused by camera noise, rad.
     pub phase_sd_rad: f64,
@@ -53,17 +53,17 @@ pub struct Layout {
 /// Measurable parts of image and volume, as shares from 0 to 1.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Coverage {
-    /// Of C1's image: pixels with a segment in the volume.
+    /// Share of the image of C1: pixels with a segment in the volume.
     pub image_with_segment: f64,
-    /// Of C1's image: pixels whose segment has a lit middle that C2 sees.
+    /// Share of the image of C1: pixels whose segment has a lit middle that C2 sees.
     pub image_measurable: f64,
-    /// Of the volume: seen by C1.
+    /// Share of the volume that C1 sees.
     pub volume_seen_by_cam1: f64,
-    /// Of the volume: seen by C2.
+    /// Share of the volume that C2 sees.
     pub volume_seen_by_cam2: f64,
-    /// Of the volume: lit by P.
+    /// Share of the volume that P lights.
     pub volume_lit: f64,
-    /// Of the volume: seen by both cameras and lit.
+    /// Share of the volume that both cameras see and P lights.
     pub volume_measurable: f64,
 }
 
@@ -94,7 +94,7 @@ pub(super) fn layout(setup: &RigSetup, assumptions: &Assumptions) -> Layout {
     }
 }
 
-/// Depth that moves the image of a point on C1's ray by one pixel in C2: `z² / (f·b)` on a rectified rig.
+/// Depth that moves the image of a point on the ray of C1 by one pixel in C2: `z² / (f·b)` on a rectified rig.
 fn depth_per_pixel_m(setup: &RigSetup, point: &Point3) -> f64 {
     let in_cam2 = setup.rig.cam2_from_cam1 * point;
     let moved: Vector3 = setup.rig.cam2_from_cam1.rotation * point.coords / point.z;
@@ -103,7 +103,7 @@ fn depth_per_pixel_m(setup: &RigSetup, point: &Point3) -> f64 {
     1.0 / along(0).hypot(along(1))
 }
 
-/// Depth that moves a point on C1's ray by one rad of the fringes.
+/// Depth that moves a point on the ray of C1 by one rad of the fringes.
 fn depth_per_rad_m(setup: &RigSetup, point: &Point3) -> f64 {
     /// Change to either side, as a share of the distance.
     const STEP: f64 = 1e-3;
@@ -115,7 +115,7 @@ fn depth_per_rad_m(setup: &RigSetup, point: &Point3) -> f64 {
     2.0 * STEP * point.z / (TAU * moved)
 }
 
-/// Coverage of image and volume.
+/// Computes the coverage of image and volume.
 pub(super) fn coverage(setup: &RigSetup, grid_step_px: usize) -> Result<Coverage, RigReportError> {
     let [cam1, cam2, projector, all] = seen_shares(setup);
     let centre = setup.centre_cam1();
@@ -142,7 +142,7 @@ pub(super) fn coverage(setup: &RigSetup, grid_step_px: usize) -> Result<Coverage
     })
 }
 
-/// Shares of the volume seen by C1, by C2, lit by P, and all of these.
+/// Returns the shares of the volume that C1 sees, that C2 sees, that P lights, and all three.
 fn seen_shares(setup: &RigSetup) -> [f64; 4] {
     let mut counts = [0u32; 4];
     for i in 0..CELLS.pow(3) {

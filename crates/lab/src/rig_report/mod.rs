@@ -1,13 +1,13 @@
-//! The report on a rig: what the method can be expected to achieve with it, before anything is built or measured.
+//! Reports what the method can be expected to achieve with a rig, before anything is built or measured.
 //!
-//! In: a calibrated [`Rig`](fringeflow::geometry::Rig), a measurement volume, a fringe pattern ([`RigSetup`]) and
+//! In: a calibrated [`Rig`](fringeflow::geometry::Rig), a measurement volume and a fringe pattern ([`RigSetup`]), and
 //! [`Assumptions`] on noise and calibration. Out: a [`RigReport`] with lengths and angles, coverage, the number n of
 //! fringe periods on a segment, sd of δ and efc (paper, Eq. 1), the wrong fringe orders that survive the
 //! back-projection test on flat surfaces, and the effect of changes of the rig on all of these.
 //!
-//! Nothing is approximated: every figure comes from intersecting rays of the calibrated cameras with planes in the
-//! volume, over a grid of pixels of C1. A report costs about a second. Without an object, the surface is assumed: n and
-//! sd use a plane perpendicular to the mean viewing direction, the surviving orders use tilted planes as well.
+//! Nothing is approximated: all figures come from intersecting rays of the calibrated cameras with planes in the
+//! volume, over a grid of pixels of C1. A report costs about a second. The surface of the object is assumed: n and sd
+//! use a plane perpendicular to the mean viewing direction; the surviving orders also use tilted planes.
 
 mod advice;
 mod assumptions;
@@ -45,16 +45,16 @@ pub struct RigReport {
     pub assumptions: Assumptions,
     /// Periods, sd, efc and surviving orders.
     pub evaluation: Evaluation,
-    /// The figures on the coarser grid of the advice, for comparison with it.
+    /// Figures of the unchanged rig on the coarser grid of the advice, for comparison.
     pub advice_base: Figures,
     /// Effects of changes of the rig.
     pub advice: Vec<Advice>,
 }
 
-/// Reports on a rig over every `grid_step_px`-th pixel of C1.
+/// Evaluates a rig at every `grid_step_px`-th pixel of C1.
 ///
 /// # Errors
-/// [`RigReportError`]: impossible assumptions, or a volume that C1, C2 or the projector never sees.
+/// [`RigReportError`]: impossible assumptions, or a volume that C1, C2 or the projector does not see.
 pub fn report(setup: &RigSetup, assumptions: &Assumptions, grid_step_px: usize) -> Result<RigReport, RigReportError> {
     assumptions.check()?;
     setup.check()?;

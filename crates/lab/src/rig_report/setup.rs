@@ -1,4 +1,4 @@
-//! Rig, volume and pattern, and the changes of them that the advice tries.
+//! Rig, volume and pattern, and the changes that the advice tries.
 
 use nalgebra::UnitQuaternion;
 
@@ -34,12 +34,12 @@ impl RigSetup {
         Ok(())
     }
 
-    /// Centre of the volume, frame of C1.
+    /// Centre of the volume in the frame of C1.
     pub(super) fn centre_cam1(&self) -> Point3 {
         self.volume.cam1_from_volume() * nalgebra::center(self.volume.min(), self.volume.max())
     }
 
-    /// Mean viewing direction of C1, C2 and P to the centre of the volume, frame of C1, length 1.
+    /// Mean viewing direction of C1, C2 and P to the centre of the volume: a unit vector in the frame of C1.
     pub(super) fn viewing_direction(&self) -> Vector3 {
         let centre = self.centre_cam1();
         let eyes = [Point3::origin(), self.rig.centre_of_cam2(), self.rig.centre_of_projector()];
@@ -52,26 +52,26 @@ impl RigSetup {
         self.rig.project_cam2(point_cam1).is_some_and(|pixel| self.rig.cam2.sees(&pixel))
     }
 
-    /// Absolute phase at a point, periods; `None` behind the projector.
+    /// Absolute phase at a point, periods; `None` if the point is behind the projector.
     pub(super) fn phase_turns(&self, point_cam1: &Point3) -> Option<f64> {
         self.rig.project_projector(point_cam1).map(|pixel: Pixel| self.pattern.phase_turns(pixel.x))
     }
 
-    /// Absolute phase at a point, periods; `None` where the projector does not light it.
+    /// Absolute phase at a point, periods; `None` if the projector does not light it.
     pub(super) fn lit_phase_turns(&self, point_cam1: &Point3) -> Option<f64> {
         let pixel = self.rig.project_projector(point_cam1)?;
         self.rig.projector.sees(&pixel).then(|| self.pattern.phase_turns(pixel.x))
     }
 
-    /// Moves the projector along the base to place `r` (0 at C1, 1 at C2), and rotates it to aim at the volume as
-    /// before.
+    /// Moves the projector along the base to place `r` (0 at C1, 1 at C2), and rotates it so that it stays aimed at the
+    /// volume.
     #[must_use]
     pub fn with_projector_place(&self, r: f64) -> Self {
         let base = self.rig.centre_of_cam2().coords;
         let before = self.rig.centre_of_projector();
         let after = before + base * (r - self.rig.projector_place_on_base());
         let centre = self.centre_cam1();
-        // `None` only for opposite directions, which no move along a base in front of a volume causes.
+        // `None` occurs only for opposite directions, which no move along a base in front of a volume causes.
         let turn = UnitQuaternion::rotation_between(&(centre - after), &(centre - before)).unwrap_or_default();
         let rotation = self.rig.projector_from_cam1.rotation * turn;
         let mut changed = self.clone();
@@ -87,7 +87,7 @@ impl RigSetup {
         changed
     }
 
-    /// Axis of the volume (0 to 2, own frame) closest to the viewing direction: its depth axis.
+    /// Depth axis of the volume: its axis (0 to 2, in its own frame) closest to the viewing direction.
     #[must_use]
     pub fn depth_axis(&self) -> usize {
         let view = self.volume.cam1_from_volume().rotation.inverse() * self.viewing_direction();

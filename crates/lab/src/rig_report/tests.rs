@@ -1,4 +1,4 @@
-//! The report on a rectified rig, where every figure has a closed form.
+//! Tests of the report on a rectified rig, for which every figure has a closed form.
 //!
 //! With a = x/z and w = 1/z, C1 sees a point at f·a, C2 at f·(a − b·w), P at f·(a − r·b·w), each plus its principal
 //! point. A plane is w = w0 + g·(a − a0), and δ of the candidate k orders away is 2π·k·r·(1 − b·g)/(1 − r·b·g).
@@ -16,7 +16,8 @@ const DEPTHS_M: [f64; 2] = [3.0, 7.0];
 const PERIOD_PX: f64 = 2.5;
 const GRID_PX: usize = 64;
 
-/// Centres on a line, axes parallel, principal points shifted so that all devices look at the middle of the volume.
+/// A rectified rig: centres on a line, parallel axes, and principal points shifted so that all devices look at the
+/// middle of the volume.
 fn rectified(r: f64) -> RigSetup {
     let device = |place: f64, width: usize| {
         let shift = FOCAL_PX * place * BASE_M / 5.0;
@@ -40,7 +41,7 @@ fn volume(min: [f64; 3], max: [f64; 3]) -> MeasurementVolume {
     MeasurementVolume::new(Pose::identity(), min.into(), max.into()).unwrap()
 }
 
-/// sd of exactly 0.04 rad.
+/// Assumptions with an sd of exactly 0.04 rad.
 fn exact_sd() -> Assumptions {
     Assumptions { noise_grey: 0.0, calibration: CalibrationQuality::SdRad(0.04), ..Assumptions::default() }
 }

@@ -1,13 +1,13 @@
-//! Rigid alignment of two sets of points.
+//! Aligns two sets of points rigidly.
 //!
-//! In: pairs of points. Out: the pose with the least sum of squared distances (Kabsch 1976, by singular value
+//! In: pairs of points. Out: the pose with the smallest sum of squared distances (Kabsch 1976, by singular value
 //! decomposition).
 
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use fringeflow::geometry::{Point3, Pose, Vector3};
 
-/// The pose that maps the first points of the pairs to the second ones; the identity for fewer than three pairs.
+/// Returns the pose that maps the first points of the pairs to the second; the identity for fewer than three pairs.
 pub(super) fn align(pairs: &[(Point3, Point3)]) -> Pose {
     if pairs.len() < 3 {
         return Pose::identity();
@@ -19,7 +19,7 @@ pub(super) fn align(pairs: &[(Point3, Point3)]) -> Pose {
         pairs.iter().map(|(a, b)| (b.coords - to_centre) * (a.coords - from_centre).transpose()).sum();
     let svd = covariance.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return Pose::identity() };
-    // Without the sign, a flat set of points could come out mirrored.
+    // Without the sign, the result could mirror a flat set of points.
     let sign = (u * v_t).determinant().signum();
     let rotation = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));

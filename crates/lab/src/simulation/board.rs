@@ -1,15 +1,14 @@
-//! Boards: what an object lies on, or a plane behind or in front of the measurement volume.
+//! Boards: the surface under an object, or a plane in front of or behind the measurement volume.
 //!
-//! In: a [`Board`]. Out: its plane in the frame of the object, its intersections with rays, and its brightness. Lengths
-//! in millimetres. A board apart from the volume is lit and seen, but none of its points is ever in the volume.
+//! In: a [`Board`]. Out: its plane in the frame of the object, its intersections with rays, and its albedo. Lengths are
+//! in millimetres. A board apart from the volume is lit and seen, but none of its points counts as in the volume.
 
 use std::str::FromStr;
 
 use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
-use super::scene::MM_PER_M;
-use super::solid::PointMm;
-use super::trace::Ray;
+use super::ray::Ray;
+use super::solid::{MM_PER_M, PointMm};
 use super::{SimulationError, check_range};
 
 /// The board of a scene.
@@ -17,9 +16,9 @@ use super::{SimulationError, check_range};
 pub enum Board {
     /// No board: rays that miss the object hit nothing.
     None,
-    /// Under the object, the plane z = 0 of its frame; matt black, too dark to measure.
+    /// Under the object, in the plane z = 0 of its frame; matt black, too dark to measure.
     Dark,
-    /// Under the object; grey, measured like the object.
+    /// Under the object, grey, measured like the object.
     Visible,
     /// Apart from the measurement volume: lit and seen, never measured.
     Apart(BoardApart),
@@ -28,21 +27,22 @@ pub enum Board {
 /// A board in front of or behind the measurement volume.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct BoardApart {
-    /// Gap between the volume and the nearest point of the board, millimetres: behind the far face of the volume, or
-    /// for negative values in front of its near face. A board in front covers only the right part of the volume.
+    /// Gap between the volume and the nearest point of the board, millimetres. Positive: behind the far face of the
+    /// volume. Negative: in front of its near face. A board in front covers only the right part of the volume.
     pub distance_mm: f64,
-    /// Albedo: 0.05 is black paper, 0.8 white paint, more than 1 reflective film.
+    /// Albedo: 0.05 is black paper, 0.8 is white paint, above 1 is reflective film.
     pub albedo: f64,
-    /// Rotation about the vertical axis, degrees: above 0 the right border is farther away, below 0 the left one.
+    /// Rotation about the vertical axis, degrees. If positive, the right border is farther away; if negative, the left
+    /// one.
     pub tilt_deg: f64,
 }
 
-/// Least and greatest gap, millimetres.
+/// Smallest and largest gap, millimetres.
 const MIN_GAP_MM: f64 = 0.1;
 const MAX_GAP_MM: f64 = 1e5;
 const MAX_ALBEDO: f64 = 2.0;
 const MAX_TILT_DEG: f64 = 80.0;
-/// Left border of a board in front of the volume, right of the middle, millimetres.
+/// Left border of a board in front of the volume, to the right of the middle, millimetres.
 const EDGE_X_MM: f64 = 10.0;
 /// Albedo of a grey board, and its variation from place to place.
 const GREY_ALBEDO: f64 = 0.62;
@@ -86,7 +86,7 @@ impl FromStr for Board {
 /// A board in the frame of its object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BoardPlane {
-    place: PointMm,
+    point: PointMm,
     pub(super) normal: PointMm,
     /// Left border; `None` for an infinite board.
     edge_x_mm: Option<f64>,
@@ -99,10 +99,10 @@ pub(super) struct BoardPlane {
 }
 
 impl BoardPlane {
-    /// The plane of a board; `None` without one.
+    /// Returns the plane of a board, or `None` if there is no board.
     pub(super) fn new(board: Board, volume_from_object: &Pose, volume: &MeasurementVolume) -> Option<Self> {
         let under = Self {
-            place: PointMm::zeros(),
+            point: PointMm::zeros(),
             normal: PointMm::z(),
             edge_x_mm: None,
             albedo: GREY_ALBEDO,
@@ -122,13 +122,13 @@ impl BoardPlane {
         let (is_behind, gap_m) = (board.distance_mm > 0.0, board.distance_mm / MM_PER_M);
         let face_z = if is_behind { volume.max().z } else { volume.min().z };
         let left = if is_behind { volume.min().x } else { EDGE_X_MM / MM_PER_M };
-        // The border of the board nearest to the volume keeps the gap: behind the volume that is the nearer border, in
-        // front of it the farther one.
+        // The border of the board nearest to the volume keeps the gap. Behind the volume this is the border nearer to
+        // the cameras, in front of it the farther one.
         let x = if (board.tilt_deg > 0.0) == is_behind { left } else { volume.max().x };
         let to_object = |point| volume_from_object.inverse_transform_point(&point).coords * MM_PER_M;
         let (sin, cos) = board.tilt_deg.to_radians().sin_cos();
         Self {
-            place: to_object(Point3::new(x, 0.0, face_z + gap_m)),
+            point: to_object(Point3::new(x, 0.0, face_z + gap_m)),
             normal: PointMm::new(sin, 0.0, cos),
             edge_x_mm: (!is_behind).then(|| to_object(Point3::new(left, 0.0, 0.0)).x),
             albedo: board.albedo,
@@ -145,26 +145,26 @@ impl BoardPlane {
         (steepness < 0.0 && distance > 0.0 && self.reaches(&ray.at(distance))).then_some(distance)
     }
 
-    /// Whether the board hides a visible place from a device.
-    pub(super) fn hides(&self, place: &PointMm, device: &PointMm) -> bool {
-        let (from, to) = (self.height(place), self.height(device));
+    /// Whether the board hides a visible point from a device.
+    pub(super) fn hides(&self, point: &PointMm, device: &PointMm) -> bool {
+        let (from, to) = (self.height(point), self.height(device));
         match self.edge_x_mm {
-            // All visible places lie in front of an infinite board.
+            // All visible points lie in front of an infinite board.
             None => to <= 0.0,
-            Some(_) => (from > 0.0) != (to > 0.0) && self.reaches(&(place + (device - place) * (from / (from - to)))),
+            Some(_) => (from > 0.0) != (to > 0.0) && self.reaches(&(point + (device - point) * (from / (from - to)))),
         }
     }
 
-    /// Distance of a place in front of the board, millimetres.
-    pub(super) fn height(&self, place: &PointMm) -> f64 {
-        (place - self.place).dot(&self.normal)
+    /// Distance of a point in front of the board, millimetres.
+    pub(super) fn height(&self, point: &PointMm) -> f64 {
+        (point - self.point).dot(&self.normal)
     }
 
-    fn reaches(&self, place: &PointMm) -> bool {
-        self.edge_x_mm.is_none_or(|edge| place.x >= edge)
+    fn reaches(&self, point: &PointMm) -> bool {
+        self.edge_x_mm.is_none_or(|edge| point.x >= edge)
     }
 
-    /// Albedo of a place whose brightness deviates from the mean by `wave` (−2 to 2).
+    /// Albedo of a point whose brightness deviates from the mean by `wave` (−2 to 2).
     pub(super) fn albedo(&self, wave: f64) -> f64 {
         self.albedo + self.ripple * wave
     }
@@ -178,7 +178,7 @@ mod tests {
 
     const TILTS_DEG: [f64; 5] = [-60.0, -20.0, 0.0, 20.0, 60.0];
 
-    /// Heights above the board of the two corners of the volume that face it.
+    /// Heights of the two corners of the volume that face the board.
     fn heights_of_corners(distance_mm: f64, tilt_deg: f64) -> Vec<f64> {
         let rig = VirtualRig::new(&RigOptions::usual(0.025)).unwrap();
         let (volume, pose) = (&rig.exact_volume, volume_from_object(Object::Plane));
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn words_and_numbers_are_boards() {
+    fn boards_are_parsed_from_words_and_numbers() {
         assert_eq!("behind".parse::<Board>().unwrap(), "15".parse().unwrap());
         assert_eq!("visible".parse::<Board>().unwrap(), Board::Visible);
         let refused = "floor".parse::<Board>().unwrap_err().to_string();

@@ -1,8 +1,8 @@
-//! The error of a calibration: C2 and P as a real calibration would determine them, with a small error.
+//! Draws the error of a calibration: C2 and P as a real calibration would determine them, with a small error.
 //!
-//! In: the exact rig, its volume, the sd of δ that the error should cause, and the contribution of the lenses. Out: the
-//! erroneous rig, the pose of the volume relative to points triangulated with it, and the size of the error. δ of true
-//! correspondences is then a smooth field over image and depth, as in a real sensor, and not white noise.
+//! In: the exact rig, its volume, the sd of δ that the error should cause, and the relative lens error. Out: the
+//! erroneous rig, the pose of the volume relative to points triangulated with it, and the size of the error. As in a
+//! real sensor, δ of true correspondences is then a smooth field over image and depth, not white noise.
 
 use std::f64::consts::TAU;
 
@@ -14,8 +14,7 @@ use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume,
 
 use super::SimulationError;
 use super::alignment::align;
-use super::rig::RigOptions;
-use super::sensor::standard_normal;
+use super::normal::standard_normal;
 
 /// Size of a calibration error over the measurement volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -37,34 +36,35 @@ pub(super) struct DrawnCalibration {
     pub(super) deviation: CalibrationDeviation,
 }
 
-/// Limit of the root mean square epipolar error caused by C2, pixels.
+/// Maximum root mean square epipolar error caused by C2, pixels.
 const MAX_EPIPOLAR_RMS_PX: f64 = 0.07;
 /// Largest share of the variance of δ that C2 may cause; the projector causes the rest.
 const CAM2_SHARE: f64 = 0.4;
-/// Draws of the projector's error; one of them must reach the wanted sd.
+/// Maximum number of draws of the projector error. One of them must reach the wanted sd.
 const MAX_DRAWS: usize = 20;
-/// Bisection steps towards the wanted sd.
+/// Maximum number of bisection steps towards the wanted sd.
 const MAX_STEPS: usize = 40;
 
 /// Random numbers for the error of one device.
 #[derive(Clone, Copy)]
 struct Draw {
-    /// Focal length, principal point, k1, rotation and position: standard normal.
+    /// Errors of focal length, principal point, k1, rotation and position: standard normal.
     device: [f64; 10],
-    /// k2, p1 and p2: normal, scaled by the lens error.
+    /// Errors of k2, p1 and p2: normal, scaled by the lens error.
     lens: [f64; 3],
 }
 
-/// Generators of the draws. The lens has its own, so that another lens error leaves the numbers of the device
-/// unchanged.
-struct Draws {
+/// Random generators of the draws. The lens has its own, so that another lens error does not change the numbers of the
+/// device.
+pub(super) struct Draws {
     device: ChaCha8Rng,
     lens: ChaCha8Rng,
     lens_error: f64,
 }
 
 impl Draws {
-    fn new(seed: u64, lens_error: f64) -> Self {
+    /// Creates the generators. The errors of the lens are scaled by `lens_error`.
+    pub(super) fn new(seed: u64, lens_error: f64) -> Self {
         let device = ChaCha8Rng::seed_from_u64(seed);
         let mut lens = device.clone();
         lens.set_stream(1);
@@ -106,15 +106,14 @@ impl Draw {
     }
 }
 
-/// Draws a calibration of `exact` whose δ over `volume` has the root mean square of the options.
+/// Draws a calibration of `exact`. Its δ over `volume` has the root mean square `sd_rad`.
 pub(super) fn draw(
     exact: &Rig,
     volume: &MeasurementVolume,
     pattern: &FringePattern,
-    options: &RigOptions,
+    sd_rad: f64,
+    mut draws: Draws,
 ) -> Result<DrawnCalibration, SimulationError> {
-    let sd_rad = options.sd_rad;
-    let mut draws = Draws::new(options.seed, options.lens_error);
     let probe = Probe::new(exact, volume, pattern);
     if sd_rad == 0.0 {
         let deviation = CalibrationDeviation::default();
@@ -139,7 +138,7 @@ pub(super) fn draw(
 struct Probe<'a> {
     exact: &'a Rig,
     pattern: &'a FringePattern,
-    /// Points in the frame of the exact C1, metres, and their images in C1, C2 and P.
+    /// Points in the frame of the exact C1, metres, with their images in C1, C2 and P.
     points: Vec<(Point3, Pixel, Pixel, Pixel)>,
 }
 
@@ -149,9 +148,9 @@ impl<'a> Probe<'a> {
         let extent = volume.max() - volume.min();
         let mut points = Vec::new();
         for i in 0..steps[0] * steps[1] * steps[2] {
-            let place = [i % steps[0], i / steps[0] % steps[1], i / (steps[0] * steps[1])];
+            let cell = [i % steps[0], i / steps[0] % steps[1], i / (steps[0] * steps[1])];
             let offset =
-                Vector3::from_fn(|axis, _| extent[axis] * (f64::from(place[axis]) + 0.5) / f64::from(steps[axis]));
+                Vector3::from_fn(|axis, _| extent[axis] * (f64::from(cell[axis]) + 0.5) / f64::from(steps[axis]));
             let point = volume.cam1_from_volume() * (volume.min() + offset);
             let seen = (exact.cam1.project(&point), exact.project_cam2(&point), exact.project_projector(&point));
             if let (Some(p), Some(q), Some(lit)) = seen {
@@ -161,7 +160,8 @@ impl<'a> Probe<'a> {
         Self { exact, pattern, points }
     }
 
-    /// C2 with the error of a draw, scaled down until its epipolar error and its contribution to δ are small enough.
+    /// Returns the rig with an error of C2, scaled down until its epipolar error and its contribution to δ are small
+    /// enough.
     fn with_cam2_error(&self, draw: &Draw, sd_rad: f64) -> Rig {
         let mut scale = 1.0;
         for _ in 0..MAX_STEPS {
@@ -179,14 +179,14 @@ impl<'a> Probe<'a> {
         self.exact.clone()
     }
 
-    /// The projector with the error of a draw as well, scaled so that δ has the wanted root mean square; `None` where
-    /// no scale reaches it.
+    /// Adds an error of the projector, scaled so that δ has the wanted root mean square. Returns `None` if no scale
+    /// reaches it.
     fn with_projector_error(&self, base: &Rig, draw: &Draw, sd_rad: f64) -> Option<Rig> {
         let at = |scale: f64| {
             let (projector, projector_from_cam1) = draw.apply(scale, &base.projector, &base.projector_from_cam1);
             self.centred(Rig { projector, projector_from_cam1, ..base.clone() })
         };
-        // Brackets the scale by doubling, then bisects.
+        // Bracket the scale by doubling, then bisect.
         let (mut low, mut high) = (0.0, 0.05);
         while self.deviation(&at(high))?.delta_rms < sd_rad {
             (low, high) = (high, high * 2.0);
@@ -201,7 +201,7 @@ impl<'a> Probe<'a> {
         Some(at(0.5 * (low + high)))
     }
 
-    /// Shifts the projector's principal point so that δ has mean zero: every calibration that fits its own images
+    /// Shifts the principal point of the projector so that δ has mean zero. Every calibration that fits its own images
     /// determines it that well.
     fn centred(&self, rig: Rig) -> Rig {
         let Some(deviation) = self.deviation(&rig) else { return rig };
@@ -213,7 +213,8 @@ impl<'a> Probe<'a> {
         Rig { projector, ..rig }
     }
 
-    /// Size of the error of a calibration; `None` where a point cannot be triangulated or projected with it.
+    /// Returns the size of the error of a calibration, or `None` if a point cannot be triangulated or projected with
+    /// it.
     fn deviation(&self, rig: &Rig) -> Option<CalibrationDeviation> {
         let (mut delta_sum, mut delta_squares, mut epi_squares, mut epi_max) = (0.0, 0.0, 0.0, 0.0_f64);
         for (_, p, q, lit) in &self.points {
@@ -235,13 +236,13 @@ impl<'a> Probe<'a> {
         })
     }
 
-    /// Pairs of exact points and the points that a calibration triangulates from their images.
+    /// Returns pairs of exact points and the points that a calibration triangulates from their images.
     fn triangulated(&self, rig: &Rig) -> Vec<(Point3, Point3)> {
         self.points.iter().filter_map(|(exact, p, q, _)| Some((*exact, on_ray_of_cam1(rig, p, q)?))).collect()
     }
 }
 
-/// Point of the ray through `p` that is nearest to the ray through `q`, frame of C1.
+/// Returns the point of the ray through `p` that is nearest to the ray through `q`, in the frame of C1.
 fn on_ray_of_cam1(rig: &Rig, p: &Pixel, q: &Pixel) -> Option<Point3> {
     let a = rig.cam1.ray(p)?;
     let b = rig.cam2_from_cam1.rotation.inverse() * rig.cam2.ray(q)?;

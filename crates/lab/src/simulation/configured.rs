@@ -1,4 +1,4 @@
-//! The virtual scanner of a configuration.
+//! Reads the virtual scanner from a configuration.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -20,12 +20,12 @@ pub struct ConfiguredScanner {
     pub scanner: VirtualScannerOptions,
     /// Faults to inject.
     pub faults: FaultOptions,
-    /// File that keeps its images between runs.
+    /// File that stores its images between runs.
     pub cache: Option<PathBuf>,
 }
 
 impl ConfiguredScanner {
-    /// Checks the words and the faults of a configuration; ranges are checked when the scanner is built.
+    /// Checks the words and the faults of a configuration. Ranges are checked when the scanner is built.
     ///
     /// # Errors
     /// [`ConfigurationProblem`], which names the key.
@@ -58,11 +58,13 @@ impl ConfiguredScanner {
         Ok(Self { scanner, faults: faults(&table.faults, seed)?, cache: configuration.cache.clone() })
     }
 
-    /// The virtual scanner of an instance; `None` where it has real cameras.
+    /// Returns the virtual scanner of an instance, or `None` if it has real cameras.
     ///
     /// # Errors
     /// As [`Self::from_configuration`].
-    pub fn of_instance(configuration: &ScannerConfiguration) -> Result<Option<Self>, ConfigurationProblem> {
+    pub fn from_scanner_configuration(
+        configuration: &ScannerConfiguration,
+    ) -> Result<Option<Self>, ConfigurationProblem> {
         match &configuration.rig {
             Some(RigSource::Virtual(virtual_scanner)) => Self::from_configuration(virtual_scanner).map(Some),
             _ => Ok(None),
@@ -70,25 +72,25 @@ impl ConfiguredScanner {
     }
 }
 
-/// Reads the configuration of an instance from a file, and checks its virtual scanner too.
+/// Reads the configuration of an instance from a file, and also checks its virtual scanner.
 ///
 /// # Errors
 /// [`ConfigurationError`], which names file, key and value.
 pub fn read_configuration(file: &std::path::Path) -> Result<ScannerConfiguration, ConfigurationError> {
     let configuration = ScannerConfiguration::read(file)?;
-    match ConfiguredScanner::of_instance(&configuration) {
+    match ConfiguredScanner::from_scanner_configuration(&configuration) {
         Ok(_) => Ok(configuration),
         Err(problem) => Err(ConfigurationError { file: file.to_owned(), problem }),
     }
 }
 
-/// The texts of the setup of an instance, with real or virtual cameras.
+/// Returns the texts of the setup of an instance, with real or virtual cameras.
 ///
 /// # Errors
 /// As [`ScannerConfiguration::setup_text`], or the virtual scanner cannot be built.
 pub fn setup_text(configuration: &ScannerConfiguration) -> Result<SetupText, SetupTextError> {
     let refused = |what: String| SetupTextError::VirtualScanner(what);
-    match ConfiguredScanner::of_instance(configuration).map_err(|e| refused(e.to_string()))? {
+    match ConfiguredScanner::from_scanner_configuration(configuration).map_err(|e| refused(e.to_string()))? {
         None => configuration.setup_text(),
         Some(configured) => {
             let scanner = VirtualScanner::new(configured.scanner).map_err(|e| refused(e.to_string()))?;
@@ -127,7 +129,7 @@ fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationP
     Faults::new(options).map(|_| options).map_err(named)
 }
 
-/// The value for a word.
+/// Parses a word, or returns the default if there is none.
 fn word<T: FromStr<Err = SimulationError>>(
     key: &'static str,
     word: Option<&str>,
@@ -161,7 +163,7 @@ mod tests {
     #[test]
     fn an_unknown_word_is_named_with_its_key() {
         let changed = parse(&DEMO.replace("object = \"elephant\"", "object = \"elefant\""));
-        let problem = ConfiguredScanner::of_instance(&changed).unwrap_err().to_string();
+        let problem = ConfiguredScanner::from_scanner_configuration(&changed).unwrap_err().to_string();
         assert!(problem.contains("virtual_scanner.object") && problem.contains("elefant"), "{problem}");
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scanner.toml");
@@ -171,14 +173,14 @@ mod tests {
     }
 
     #[test]
-    fn the_format_of_the_cameras_is_that_of_the_setup() {
+    fn the_setup_has_the_format_of_the_cameras() {
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\""));
         let setup = Setup::parse(setup_text(&deep).unwrap(), None).unwrap();
         assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
     }
 
     #[test]
-    fn a_part_of_the_images_has_a_setup_of_its_own() {
+    fn a_region_of_the_images_has_its_own_setup() {
         let text =
             |cameras: &str| setup_text(&parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}"))));
         let setup = |cameras| Setup::parse(text(cameras).unwrap(), None).unwrap();

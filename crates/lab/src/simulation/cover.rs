@@ -1,4 +1,4 @@
-//! A dark flap in front of the right half of a camera: that half is black in every image, and has no correspondence.
+//! A dark flap in front of the right half of a camera. That half is black in every image and has no correspondences.
 
 use fringeflow_dataset::{CameraId, RenderedTruth};
 
@@ -10,7 +10,7 @@ fn first_covered(width: usize) -> usize {
 }
 
 impl View {
-    /// The view with the flap: nothing in the right half.
+    /// Returns the view with the flap: nothing in the right half.
     #[must_use]
     pub(super) fn half_covered(mut self) -> Self {
         let first = first_covered(self.width);
@@ -24,8 +24,8 @@ impl View {
     }
 }
 
-/// Removes from a truth the points that C2 does not see behind its flap. Behind the flap of C1, the view and so the
-/// truth are empty already.
+/// Removes from a truth the points that C2 does not see behind its flap. A flap in front of C1 needs no change: the
+/// view, and so the truth, is already empty there.
 pub(super) fn hide(truth: &mut RenderedTruth, covered: CameraId, cam2_width_px: usize) {
     if covered == CameraId::Cam1 {
         return;

@@ -1,6 +1,7 @@
-//! Faults that the virtual scanner injects, to test how the pipeline accounts for them.
+//! Decides which faults the virtual scanner injects, to test how the pipeline accounts for them.
 //!
-//! In: shares. Out: the fault of each exposure's image. It depends on seed and number only, so a run can be repeated.
+//! In: shares. Out: the fault of the image of each exposure. It depends only on seed and number, so a run can be
+//! repeated.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,20 +10,20 @@ use fringeflow_dataset::CameraId;
 
 use super::{SimulationError, check_range};
 
-/// Shares of the faults, of all images of a camera or of all pattern events, 0 to 1.
+/// Shares of the faults among all images of a camera or all pattern events, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaultOptions {
-    /// Images lost in the camera: the sequence numbers skip.
+    /// Images lost in the camera: the sequence numbers have a gap.
     pub lost: f64,
     /// Images delivered twice.
     pub duplicated: f64,
     /// Images delivered after the next one.
     pub swapped: f64,
-    /// Images delivered a period late.
+    /// Images delivered one frame period late.
     pub late: f64,
     /// Images lost without a trace: the next image takes their number and time.
     pub hidden_lost: f64,
-    /// Images delivered again under the number and time of the next one.
+    /// Images delivered again with the number and time of the next one.
     pub hidden_duplicated: f64,
     /// Images that exchange number and time with the next one.
     pub hidden_swapped: f64,
@@ -41,7 +42,7 @@ pub enum ImageFault {
     Duplicated,
     /// Delivered after the next one.
     Swapped,
-    /// Delivered a period late.
+    /// Delivered one frame period late.
     Late,
     /// Lost without a trace.
     HiddenLost,
@@ -58,10 +59,10 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// Faults with these shares.
+    /// Creates faults with these shares.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: a share below 0 or above 1, or shares of images whose sum exceeds 1.
+    /// [`SimulationError::Range`]: a share is below 0 or above 1, or the shares of images add up to more than 1.
     pub fn new(options: FaultOptions) -> Result<Self, SimulationError> {
         let FaultOptions { lost, duplicated, swapped, late, events_lost, .. } = options;
         let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = options;
@@ -81,9 +82,9 @@ impl Faults {
         Ok(Self { options })
     }
 
-    /// The fault of the image of an exposure.
+    /// Returns the fault of the image of an exposure, if any.
     #[must_use]
-    pub fn of_image(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
+    pub fn image_fault(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
         let FaultOptions { lost, duplicated, swapped, late, .. } = self.options;
         let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = self.options;
         let mut draw = self.draw(1 + camera as u64, exposure);
@@ -108,7 +109,7 @@ impl Faults {
         self.draw(0, sequence) < self.options.events_lost
     }
 
-    /// A random number from 0 to below 1 for an item of a source.
+    /// Returns a random number from 0 to below 1 for an item of a source.
     fn draw(&self, source: u64, number: u64) -> f64 {
         let mut key = [0; 32];
         for (bytes, value) in key.chunks_exact_mut(8).zip([self.options.seed, source, number]) {
@@ -137,7 +138,7 @@ mod tests {
     #[test]
     fn shares_are_met_and_cameras_are_independent() {
         let faults = Faults::new(OPTIONS).unwrap();
-        let count = |camera, fault| (0..20_000).filter(|&k| faults.of_image(camera, k) == Some(fault)).count();
+        let count = |camera, fault| (0..20_000).filter(|&k| faults.image_fault(camera, k) == Some(fault)).count();
         for camera in CameraId::BOTH {
             let faults = [
                 ImageFault::Lost,
@@ -156,7 +157,7 @@ mod tests {
         let events = (0..20_000).filter(|&k| faults.loses_event(k)).count();
         assert!(events.abs_diff(1000) < 100, "{events}");
         let both = (0..20_000)
-            .filter(|&k| CameraId::BOTH.into_iter().all(|c| faults.of_image(c, k) == Some(ImageFault::Lost)))
+            .filter(|&k| CameraId::BOTH.into_iter().all(|c| faults.image_fault(c, k) == Some(ImageFault::Lost)))
             .count();
         assert!(both < 30, "{both} images lost by both");
     }
@@ -165,7 +166,7 @@ mod tests {
     fn the_same_seed_gives_the_same_faults() {
         let faults = |seed| {
             let faults = Faults::new(FaultOptions { seed, ..OPTIONS }).unwrap();
-            (0..500).map(|k| faults.of_image(CameraId::Cam1, k)).collect::<Vec<_>>()
+            (0..500).map(|k| faults.image_fault(CameraId::Cam1, k)).collect::<Vec<_>>()
         };
         assert_eq!(faults(3), faults(3));
         assert_ne!(faults(3), faults(4));
@@ -174,7 +175,7 @@ mod tests {
     #[test]
     fn without_shares_there_are_no_faults() {
         let faults = Faults::default();
-        assert!((0..1000).all(|k| faults.of_image(CameraId::Cam2, k).is_none() && !faults.loses_event(k)));
+        assert!((0..1000).all(|k| faults.image_fault(CameraId::Cam2, k).is_none() && !faults.loses_event(k)));
     }
 
     #[test]

@@ -1,17 +1,17 @@
-//! A hand in front of the measurement volume: it hides and shadows what lies behind it, and is never measured.
+//! A hand in front of the measurement volume. It hides and shadows objects behind it, and is never measured.
 //!
-//! It reaches in from the right with spread fingers. Frame: that of the object (x right, y up, z towards the sensor),
-//! shifted so that the hand lies on z = 0, [`GAP_MM`] in front of the near face of the volume. Millimetres.
+//! It reaches in from the right with spread fingers. Its frame is that of the object (x right, y up, z towards the
+//! sensor), shifted so that the hand lies on z = 0, [`GAP_MM`] in front of the near face of the volume. Lengths are in
+//! millimetres.
 
 use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
-use super::scene::MM_PER_M;
-use super::solid::{Material, PointMm, RoundCone, Solid, smooth_union};
+use super::solid::{MM_PER_M, Material, PointMm, RoundCone, Solid, smooth_union};
 
 /// A hand, in the frame of the object.
 pub(super) struct Hand {
     /// Its origin in the frame of the object.
-    place: PointMm,
+    origin: PointMm,
     bones: [RoundCone; 6],
 }
 
@@ -38,22 +38,22 @@ const WEB: f64 = 5.0;
 const SKIN: Material = Material { brightness: 0.56, gloss: 0.0 };
 
 impl Hand {
-    /// The hand in front of a volume.
-    pub(super) fn before(volume: &MeasurementVolume, volume_from_object: &Pose) -> Self {
+    /// Creates the hand in front of a volume.
+    pub(super) fn in_front_of(volume: &MeasurementVolume, volume_from_object: &Pose) -> Self {
         let at = |[x, y]: [f64; 2], z: f64| PointMm::new(x, y, z);
         let near_face = Point3::new(0.0, 0.0, volume.min().z - GAP_MM / MM_PER_M);
         let finger = |(root, tip)| RoundCone::new((at(root, AXIS_Z), ROOT_RADIUS), (at(tip, AXIS_Z), TIP_RADIUS));
         let (low, high) = PALM;
         let palm = RoundCone::new((at(low, PALM_RADIUS), PALM_RADIUS), (at(high, PALM_RADIUS), PALM_RADIUS));
         let [a, b, c, d, thumb] = FINGERS.map(finger);
-        let place = volume_from_object.inverse_transform_point(&near_face).coords * MM_PER_M;
-        Self { place, bones: [palm, a, b, c, d, thumb] }
+        let origin = volume_from_object.inverse_transform_point(&near_face).coords * MM_PER_M;
+        Self { origin, bones: [palm, a, b, c, d, thumb] }
     }
 }
 
 impl Solid for Hand {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let p = point - self.place;
+        let p = point - self.origin;
         let [palm, fingers @ ..] = &self.bones;
         let fingers = fingers.iter().map(|finger| finger.distance(&p)).fold(f64::INFINITY, f64::min);
         smooth_union(palm.distance(&p), fingers, WEB)
@@ -61,7 +61,7 @@ impl Solid for Hand {
 
     fn bounds_mm(&self) -> (PointMm, PointMm) {
         let (min, max) = (PointMm::new(-3.0, -42.0, 0.0), PointMm::new(102.0, 62.0, 2.0 * PALM_RADIUS + WEB));
-        (self.place + min, self.place + max)
+        (self.origin + min, self.origin + max)
     }
 
     fn material(&self, _point: &PointMm) -> Material {
@@ -76,10 +76,10 @@ mod tests {
     use crate::simulation::{Object, RigOptions, VirtualRig};
 
     #[test]
-    fn it_lies_in_its_box_before_the_volume_and_its_field_is_no_steeper_than_distance() {
+    fn it_lies_in_its_box_in_front_of_the_volume_and_its_field_is_a_lower_bound() {
         let rig = VirtualRig::new(&RigOptions::usual(0.11)).unwrap();
         let pose = volume_from_object(Object::Tooth);
-        let hand = Hand::before(&rig.exact_volume, &pose);
+        let hand = Hand::in_front_of(&rig.exact_volume, &pose);
         let near_z = pose.inverse_transform_point(&Point3::new(0.0, 0.0, rig.exact_volume.min().z)).z * MM_PER_M;
         let (min, max) = hand.bounds_mm();
         assert!((min.z - near_z - GAP_MM).abs() < 1e-9, "{} and {near_z}", min.z);

@@ -1,12 +1,12 @@
 //! The images of a moving scanner, rendered in advance and shown in a loop, because ray tracing is slower than real
 //! time.
 //!
-//! In: a [`VirtualScanner`]. Out: for every pose of its sweep the image of each camera, with one step of the pattern:
-//! the step whose turn it is when images follow each other in order. Every step occurs regularly among the poses, so a
-//! projector that shows another step finds a nearby pose with it, and the fringes are correct whatever it shows.
+//! In: a [`VirtualScanner`]. Out: for each pose of its sweep the image of each camera, with one phase shift (step) of
+//! the pattern: the step that is due if the images follow each other in order. Each step occurs regularly among the
+//! poses. If the projector shows another step, a nearby pose has it, so the fringes are always correct.
 //!
-//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, depending on the object; the loop
-//! is then kept in a file.
+//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, depending on the object, so the
+//! loop is stored in a file.
 
 use std::ops::ControlFlow;
 
@@ -29,15 +29,15 @@ pub struct ImageLoop {
 }
 
 impl ImageLoop {
-    /// A loop of black images.
-    pub(super) fn dark(scanner: &VirtualScanner) -> Self {
+    /// Creates a loop of black images.
+    pub(super) fn black(scanner: &VirtualScanner) -> Self {
         let (size_px, poses) = (scanner.options().rig.size_px, scanner.sweep().poses());
         let format = scanner.options().format;
         let pixels = vec![0; poses * 2 * size_px[0] * size_px[1] * format.bytes()];
         Self { size_px, format, poses, steps: scanner.options().steps, pixels }
     }
 
-    /// Renders the images; `on_pose` is called after every pose and can cancel, which returns `None`.
+    /// Renders the images. `on_pose` is called after each pose. If it cancels, the result is `None`.
     ///
     /// # Errors
     /// As [`PoseImages::take`].
@@ -45,7 +45,7 @@ impl ImageLoop {
         scanner: &VirtualScanner,
         mut on_pose: impl FnMut(usize) -> ControlFlow<()>,
     ) -> Result<Option<Self>, SimulationError> {
-        let mut images = Self::dark(scanner);
+        let mut images = Self::black(scanner);
         let (steps, bytes) = (images.steps, images.image_bytes());
         let mut rendered = PoseImages::new(scanner);
         for (pose, pair) in images.pixels.chunks_exact_mut(2 * bytes).enumerate() {
@@ -65,8 +65,8 @@ impl ImageLoop {
         self.size_px
     }
 
-    /// The image of an exposure while the projector shows a step: the image of the nearest pose with that step. `None`
-    /// for an unknown step.
+    /// Returns the image of an exposure while the projector shows a step: the image of the nearest pose with that step.
+    /// Returns `None` for an unknown step.
     #[must_use]
     pub fn image(&self, camera: CameraId, exposure_number: u64, step: u32) -> Option<GreyLevels<'_>> {
         let pose = self.pose(exposure_number, step)?;
@@ -75,14 +75,14 @@ impl ImageLoop {
         Some(GreyLevels { format: self.format, bytes: image })
     }
 
-    /// The pose shown in an exposure.
+    /// Returns the pose shown in an exposure.
     fn pose(&self, exposure_number: u64, step: u32) -> Option<usize> {
         let (poses, steps, step) = (self.poses, self.steps, step as usize);
         if step >= steps {
             return None;
         }
         let turn = (exposure_number % poses as u64) as usize;
-        // Poses forward to the next one with the step; back instead where that is nearer.
+        // Number of poses forward to the next one with the step. If that is more than half a cycle, go back instead.
         let ahead = (step + steps - turn % steps) % steps;
         let back = if ahead > steps / 2 { steps } else { 0 };
         Some((turn + ahead + poses - back) % poses)
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn images_in_order_run_through_the_loop() {
-        let images = ImageLoop::dark(&scanner());
+        let images = ImageLoop::black(&scanner());
         for k in 0..100_u64 {
             assert_eq!(images.pose(k, (k % 4) as u32), Some((k % 24) as usize));
         }
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn another_step_finds_the_nearest_pose_with_it() {
-        let images = ImageLoop::dark(&scanner());
+        let images = ImageLoop::black(&scanner());
         for (exposure, step) in (0..48).flat_map(|k| (0..4).map(move |s| (k, s))) {
             let pose = images.pose(exposure, step).unwrap();
             assert_eq!(pose % 4, step as usize);
@@ -146,7 +146,7 @@ mod tests {
                 assert!((0.3..3.0).contains(&mean), "pose {pose}, {camera:?}: {mean} grey levels apart");
             }
         }
-        // Four images later the step is the same; the pose and the noise are not.
+        // Four images later the step is the same, but the pose and the noise are not.
         assert_ne!(images.image(CameraId::Cam1, 0, 0), images.image(CameraId::Cam1, 4, 0));
     }
 

@@ -1,7 +1,7 @@
-//! The file of an image loop: rendered once, and loaded when the same virtual scanner starts again.
+//! The file of an image loop. The loop is rendered once, and loaded when the same virtual scanner starts again.
 //!
-//! Layout, little-endian: magic, format version, CRC-32 of the pixels, hash of the scanner's options; then the pixels,
-//! pose by pose, C1 before C2. Their number follows from the options, never from the file.
+//! Layout, little-endian: magic, format version, CRC-32 of the pixels, hash of the options of the scanner; then the
+//! pixels, pose by pose, C1 before C2. The number of pixels follows from the options, not from the file.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -15,7 +15,7 @@ use super::image_loop::ImageLoop;
 use super::virtual_scanner::VirtualScanner;
 
 const MAGIC: [u8; 8] = *b"FFIMLOOP";
-/// Increased with every change of the layout, or of the images of a scanner with the same options.
+/// Increased with each change of the layout, and of the images of a scanner with the same options.
 const VERSION: u32 = 1;
 
 /// Header before the pixels.
@@ -37,8 +37,8 @@ pub enum LoopFileProblem {
     /// It cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] io::Error),
-    /// It is no image loop.
-    #[error("is not an image loop; give another path")]
+    /// It is not an image loop.
+    #[error("is not an image loop; use another path")]
     NotAnImageLoop,
     /// It was written by another version.
     #[error("has format version {found}, expected {VERSION}")]
@@ -47,9 +47,9 @@ pub enum LoopFileProblem {
         found: u32,
     },
     /// It belongs to a scanner with other options.
-    #[error("belongs to a virtual scanner of other options")]
+    #[error("belongs to a virtual scanner with other options")]
     OtherOptions,
-    /// Its length does not fit the loop.
+    /// Its length does not match the loop.
     #[error("is {found} bytes long, expected {expected}")]
     Length {
         /// Bytes in the file.
@@ -58,7 +58,7 @@ pub enum LoopFileProblem {
         expected: u64,
     },
     /// Its content has changed.
-    #[error("is damaged: its checksum does not fit")]
+    #[error("is damaged: its checksum does not match")]
     Damaged,
 }
 
@@ -87,7 +87,7 @@ impl ImageLoop {
     /// Reads the loop of `scanner`.
     ///
     /// # Errors
-    /// [`LoopFileProblem`]: the file is missing or does not hold this loop; the remedy is to render it.
+    /// [`LoopFileProblem`]: the file is missing or does not contain this loop. The remedy is to render it.
     pub fn load(scanner: &VirtualScanner, path: &Path) -> Result<Self, LoopFileProblem> {
         let mut file = File::open(path).map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => LoopFileProblem::Missing,
@@ -97,7 +97,7 @@ impl ImageLoop {
         if header.options != options_hash(scanner) {
             return Err(LoopFileProblem::OtherOptions);
         }
-        let mut images = Self::dark(scanner);
+        let mut images = Self::black(scanner);
         let found = file.metadata().map_err(LoopFileProblem::Unreadable)?.len();
         let expected = (size_of::<Header>() + images.pixels.len()) as u64;
         if found != expected {
@@ -126,7 +126,7 @@ fn read_header(file: &mut File) -> Result<Header, LoopFileProblem> {
     Ok(header)
 }
 
-/// Hash of the options; their debug text has every digit of the numbers.
+/// Returns the hash of the options. Their debug text contains all digits of the numbers.
 fn options_hash(scanner: &VirtualScanner) -> [u8; 32] {
     Sha256::digest(format!("{:?}", scanner.options())).into()
 }

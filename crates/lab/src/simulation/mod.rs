@@ -8,12 +8,12 @@
 //!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
 //! ```
 //!
-//! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] makes the image of
-//! any pattern; or with [`Simulation`] a whole dataset folder. Rays are traced once per pose: a view of 640 × 512
+//! In: a few options. Out: a [`View`] per camera and pose of the scene, from which [`Sensor::image`] computes the image
+//! of any pattern; or, with [`Simulation`], a whole dataset folder. Rays are traced once per pose: a view of 640 × 512
 //! pixels costs one to four seconds of one core, depending on the object. Objects, sizes and parameters are those of
-//! the paper's section 3, and harder ones: see [`Object`] and [`Staging`].
+//! section 3 of the paper. There are also harder ones: see [`Object`] and [`Staging`].
 //!
-//! Results depend only on options and seeds; the number of threads changes no byte.
+//! Results depend only on options and seeds, not on the number of threads.
 
 mod alignment;
 mod board;
@@ -25,10 +25,13 @@ mod hand;
 mod image_loop;
 mod loop_file;
 mod motion;
+mod normal;
 mod object;
 mod pose_images;
 mod projected;
+mod ray;
 mod rig;
+mod scaled_solid;
 mod scene;
 mod schedule;
 mod sensor;
@@ -82,7 +85,7 @@ pub enum SimulationError {
         value: f64,
         /// Its unit.
         unit: &'static str,
-        /// Least value.
+        /// Smallest value.
         min: f64,
         /// Largest value.
         max: f64,
@@ -105,25 +108,27 @@ pub enum SimulationError {
         /// The name.
         name: String,
     },
-    /// A board apart from the measurement volume would touch it.
+    /// A board apart from the measurement volume is too close to it.
     #[error("the board's distance is {distance_mm} mm; keep at least {least_mm} mm from the volume, or use visible")]
     BoardGap {
         /// Its distance, millimetres.
         distance_mm: f64,
-        /// The least distance, millimetres.
+        /// The smallest distance, millimetres.
         least_mm: f64,
     },
-    /// A board reaches a camera or the projector.
+    /// A camera or the projector is too close to the front of the board, or behind it.
     #[error(
-        "the board passes {sight_mm:.0} mm before a camera or the projector; put it nearer to the volume, or tilt it less"
+        "the board leaves only {sight_mm:.0} mm to a camera or the projector; move it closer to the volume, or tilt \
+         it less"
     )]
     BoardAtDevice {
-        /// Distance in front of the nearest device, millimetres.
+        /// Distance between the board and the nearest device, millimetres; negative if the device is behind the board.
         sight_mm: f64,
     },
     /// No size of the object fills this share of the image.
     #[error(
-        "the {object} fills {found_percent:.1} % of the image and not {percent} %, however large; use another share"
+        "no size of the {object} fills {percent} % of the image, the last one tried fills {found_percent:.1} %; use \
+         another share"
     )]
     Share {
         /// The object.
@@ -134,14 +139,14 @@ pub enum SimulationError {
         found_percent: f64,
     },
     /// No calibration error causes the wanted sd of δ.
-    #[error("no calibration error makes the sd of δ {sd_rad} rad with this rig; use a smaller sd")]
+    #[error("no calibration error of this rig causes an sd of δ of {sd_rad} rad; use a smaller sd")]
     NoCalibration {
         /// The wanted sd, rad.
         sd_rad: f64,
     },
-    /// The number of poses of a sweep is no multiple of the steps.
+    /// The number of poses of a sweep is not a multiple of the steps.
     #[error(
-        "the sweep has {poses} poses, which {steps} steps do not divide; use {fewer} or {more} poses",
+        "the sweep has {poses} poses, which is not a multiple of {steps} steps; use {fewer} or {more} poses",
         fewer = poses / steps * steps,
         more = (poses / steps + 1) * steps
     )]
@@ -153,8 +158,8 @@ pub enum SimulationError {
     },
     /// The sweep leaves the measurement volume.
     #[error(
-        "pose {pose} of the sweep takes the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
-         turn, or a deeper volume, or allow it (outside_mm)"
+        "pose {pose} of the sweep moves the object {excess_mm:.2} mm out of the measurement volume; use less travel or \
+         rotation, or a deeper volume, or allow it (outside_mm)"
     )]
     OutOfVolume {
         /// First pose outside.
@@ -163,7 +168,7 @@ pub enum SimulationError {
         excess_mm: f64,
     },
     /// A description cannot be written as JSON.
-    #[error("the description of the virtual scanner: {0}")]
+    #[error("cannot write the description of the virtual scanner: {0}")]
     Description(#[from] serde_json::Error),
     /// The measurement volume is invalid.
     #[error(transparent)]
@@ -173,7 +178,7 @@ pub enum SimulationError {
     Dataset(#[from] DatasetError),
 }
 
-/// A value with its unit, if it has one.
+/// Formats a value with its unit, if it has one.
 fn in_unit(value: f64, unit: &str) -> String {
     format!("{value} {unit}").trim_end().to_owned()
 }

@@ -1,17 +1,17 @@
-//! The images of a moving virtual scanner, pose after pose.
+//! Renders the images of a moving virtual scanner, pose by pose.
 //!
-//! All rays are traced anew every few poses; between them, most pixels are tracked from the pose before. So images must
-//! be made in the order of the poses, and every round of the sweep gives the same images.
+//! All rays are traced again every few poses. In between, most pixels are tracked from the previous pose. So images
+//! must be rendered in the order of the poses. Each round of the sweep gives the same images.
 
 use fringeflow_dataset::{CameraId, GreyImage};
 
 use super::view::View;
 use super::{Scene, Sensor, SimulationError, VirtualScanner};
 
-/// Poses between two complete traces.
+/// Number of poses from one complete trace to the next.
 const TRACKED_POSES: usize = 16;
 
-/// Renders the images pose after pose, round after round.
+/// Renders the images pose by pose, round after round.
 pub struct PoseImages<'a> {
     scanner: &'a VirtualScanner,
     resting: Scene,
@@ -28,7 +28,7 @@ impl<'a> PoseImages<'a> {
         Self { scanner, resting, sensor, pose: 0, views: [None, None] }
     }
 
-    /// The images of both cameras at the next pose, while the projector shows a step.
+    /// Renders the images of both cameras at the next pose, while the projector shows a step.
     ///
     /// # Errors
     /// [`SimulationError::Range`]: [`View::trace`] refuses an option.
@@ -39,7 +39,7 @@ impl<'a> PoseImages<'a> {
         let mut image = |camera: CameraId| {
             let view = &mut self.views[camera as usize];
             let traced = match view.take().filter(|_| !pose.is_multiple_of(TRACKED_POSES)) {
-                Some(before) => View::trace_after(&before, rig, &scene, camera, supersampling)?,
+                Some(previous) => View::trace_after(&previous, rig, &scene, camera, supersampling)?,
                 None => View::trace(rig, &scene, camera, supersampling)?,
             };
             let image = self.sensor.image(&traced, &scanner.projected(step), scanner.image_seed(camera, pose));

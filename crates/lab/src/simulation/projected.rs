@@ -1,4 +1,4 @@
-//! Patterns of the projector.
+//! Patterns that the projector shows.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ pub enum Direction {
     Rows,
 }
 
-/// One image of the projector; brightness from 0 to 1.
+/// An image of the projector. Brightness is from 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projected {
     /// Sinusoidal fringes, `(1 + cos(φ + shift)) / 2`.
@@ -43,19 +43,19 @@ pub enum Projected {
 }
 
 impl Projected {
-    /// Brightness at the projector pixel that lights a sample, 0 to 1.
+    /// Returns the brightness at the projector pixel that lights a sample, 0 to 1.
     #[must_use]
     pub fn brightness(&self, sample: &Sample) -> f64 {
-        let place = |direction| match direction {
+        let position_px = |direction| match direction {
             Direction::Columns => f64::from(sample.column_px),
             Direction::Rows => f64::from(sample.row_px),
         };
         match *self {
             Self::Fringes { direction, pattern, shift_rad } => {
-                0.5 + 0.5 * (TAU * pattern.phase_turns(place(direction)) + shift_rad).cos()
+                0.5 + 0.5 * (TAU * pattern.phase_turns(position_px(direction)) + shift_rad).cos()
             }
             Self::Gray { direction, pattern, bit } => {
-                let cell = (2.0 * pattern.sign * pattern.phase_turns(place(direction))).max(0.0) as u32;
+                let cell = (2.0 * pattern.sign * pattern.phase_turns(position_px(direction))).max(0.0) as u32;
                 f64::from((cell ^ (cell >> 1)) >> bit & 1)
             }
             Self::White => 1.0,

@@ -1,7 +1,7 @@
-//! The virtual rig: the real sensor, its calibration with an error, and its measurement volume.
+//! The virtual rig: the exact sensor, its calibration with an error, and its measurement volume.
 //!
-//! In: an arrangement and the parameters that determine `efc` (paper, Eq. 1): depth of the volume, period, calibration
-//! error. Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of either, and the fringe
+//! In: an arrangement, and the parameters that determine `efc` (paper, Eq. 1): depth of the volume, period, calibration
+//! error. Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of each, and the fringe
 //! patterns.
 
 use std::f64::consts::PI;
@@ -10,15 +10,15 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
 
-use super::calibration_error::{self, CalibrationDeviation};
+use super::calibration_error::{self, CalibrationDeviation, Draws};
 use super::{SimulationError, check_range};
 
-/// Arrangement of cameras and projector; the default is [`Arrangement::TABLE_TOP`].
+/// Arrangement of cameras and projector. The default is [`Arrangement::TABLE_TOP`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrangement {
     /// Distance between the centres of the cameras, metres.
     pub base_m: f64,
-    /// Distance of the cameras' base from the centre of the volume, metres.
+    /// Distance of the base of the cameras from the centre of the volume, metres.
     pub distance_m: f64,
     /// Place of the projector along the base, 0 at C1 and 1 at C2.
     pub projector_place: f64,
@@ -33,8 +33,8 @@ pub struct Arrangement {
 }
 
 impl Arrangement {
-    /// A table-top sensor like the paper's: cameras 110 mm apart, converging on a volume 305 mm away, and the projector
-    /// above at 0.38 of the base, where no wrong fringe order of low number passes the back-projection test.
+    /// A table-top sensor like that of the paper: cameras 110 mm apart, converging on a volume 305 mm away, and the
+    /// projector above at 0.38 of the base, where no wrong fringe order of low number passes the back-projection test.
     pub const TABLE_TOP: Self = Self {
         base_m: 0.11,
         distance_m: 0.305,
@@ -56,21 +56,22 @@ pub struct RigOptions {
     pub arrangement: Arrangement,
     /// Width and height of the camera images, pixels.
     pub size_px: [usize; 2],
-    /// Depth of the measurement volume, metres; it is 100 mm × 80 mm across.
+    /// Depth of the measurement volume, metres. The volume is 100 mm × 80 mm wide.
     pub depth_m: f64,
     /// Fringe period, projector pixels.
     pub period_px: f64,
     /// Standard deviation of δ of true correspondences caused by the calibration error alone, rad.
     pub sd_rad: f64,
     /// Size of the errors of k2, p1 and p2 of the lenses, relative to each other error of the calibration; 0 for none.
-    /// The standard deviation of δ stays the same: only its course over image and depth becomes more complex.
+    /// They do not change the standard deviation of δ, but make its variation over image and depth more complex.
     pub lens_error: f64,
     /// Seed of the calibration error.
     pub seed: u64,
 }
 
 impl RigOptions {
-    /// A table-top rig with the paper's sd and number of periods (sd 0.041 rad, n about 6), for a volume of this depth.
+    /// A table-top rig with the sd and the number of periods of the paper (sd 0.041 rad, n about 6), for a volume of
+    /// this depth.
     #[must_use]
     pub const fn usual(depth_m: f64) -> Self {
         let arrangement = Arrangement::TABLE_TOP;
@@ -87,7 +88,8 @@ pub struct VirtualRig {
     pub calibrated: Rig,
     /// Measurement volume in the frame of the exact C1.
     pub exact_volume: MeasurementVolume,
-    /// Measurement volume in the frame of the calibrated C1: the frame of points triangulated with the calibration.
+    /// Measurement volume in the frame of the calibrated C1, which is the frame of points triangulated with the
+    /// calibration.
     pub volume: MeasurementVolume,
     /// Fringes along the projector's columns.
     pub columns: FringePattern,
@@ -97,9 +99,9 @@ pub struct VirtualRig {
     pub deviation: CalibrationDeviation,
 }
 
-/// Side of the projector's square display, pixels.
+/// Side of the square display of the projector, pixels.
 const PROJECTOR_PX: usize = 1024;
-/// Image size for which the arrangement's focal length is given, pixels.
+/// Image size to which the focal length of the arrangement refers, pixels.
 const NOMINAL_PX: [f64; 2] = [640.0, 512.0];
 /// Largest relative errors of k2, p1 and p2.
 const MAX_LENS_ERROR: f64 = 10.0;
@@ -110,7 +112,7 @@ impl VirtualRig {
     /// Builds the rig and draws its calibration error.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of range, or a calibration error too large for this rig.
+    /// [`SimulationError`]: an option is out of range, or the calibration error is too large for this rig.
     pub fn new(options: &RigOptions) -> Result<Self, SimulationError> {
         for size in options.size_px {
             check_range("image size", size as f64, 64.0, 4096.0, "px")?;
@@ -126,7 +128,8 @@ impl VirtualRig {
             // The phase is zero at the left border of column 0, half a pixel before its centre.
             offset_rad: PI / options.period_px,
         };
-        let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options)?;
+        let draws = Draws::new(options.seed, options.lens_error);
+        let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, draws)?;
         let (min, max) = (*exact_volume.min(), *exact_volume.max());
         let volume = MeasurementVolume::new(drawn.cam1_from_volume, min, max)?;
         Ok(Self {
@@ -172,7 +175,7 @@ impl VirtualRig {
         Some((column(far)? - column(near)?).abs() / self.columns.period_px)
     }
 
-    /// Intersection of the ray of C2 to a point with the middle plane of the volume, frame of C1.
+    /// Intersects the ray of C2 to a point with the middle plane of the volume, in the frame of C1.
     fn on_middle_plane(&self, point: &Point3) -> Option<Point3> {
         let volume_from_cam1 = self.exact_volume.cam1_from_volume().inverse();
         let (eye, target) = (volume_from_cam1 * self.exact.centre_of_cam2(), volume_from_cam1 * point);
@@ -181,14 +184,14 @@ impl VirtualRig {
     }
 }
 
-/// The rig without error, and its volume; the frame of the volume is x right, y down, z away from the sensor.
+/// Returns the rig without error, and its volume. The frame of the volume is x right, y down, z away from the sensor.
 fn exact_rig(
     arrangement: &Arrangement,
     size_px: [usize; 2],
     depth_m: f64,
 ) -> Result<(Rig, MeasurementVolume), SimulationError> {
     let a = arrangement;
-    // A slight asymmetry: no assembled sensor is level to the micrometre.
+    // A slight asymmetry, since no assembled sensor is level to the micrometre.
     let centre1 = Point3::new(-a.base_m / 2.0, 0.0, -a.distance_m);
     let base = Vector3::new(a.base_m, 0.0018, 0.001);
     let above = Vector3::new(0.0, -a.projector_height_m, -0.004);
@@ -211,7 +214,8 @@ fn exact_rig(
     Ok((rig, MeasurementVolume::new(cam1, -corner, corner)?))
 }
 
-/// Pose `camera_from_volume` of a camera at `eye` that looks at the origin of the volume, rotated by `roll_rad`.
+/// Returns the pose `camera_from_volume` of a camera at `eye` that looks at the origin of the volume, rotated by
+/// `roll_rad`.
 fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
     let z = -eye.coords.normalize();
     let x = Vector3::y().cross(&z).normalize();
@@ -222,7 +226,7 @@ fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
     Pose::from_parts(Translation3::from(rotation * -eye.coords), rotation)
 }
 
-/// A camera from nominal numbers for 640 × 512 pixels, scaled to its image size.
+/// Creates a camera from nominal numbers for 640 × 512 pixels, scaled to its image size.
 fn camera(focal_px: f64, off_centre_px: [f64; 2], lens: Distortion, size_px: [usize; 2]) -> Camera {
     let scale = (size_px[0] as f64 / NOMINAL_PX[0]).min(size_px[1] as f64 / NOMINAL_PX[1]);
     let principal = [0, 1].map(|i| (size_px[i] as f64 - 1.0) / 2.0 + off_centre_px[i] * scale);

@@ -1,7 +1,7 @@
 //! The scene of the virtual scanner: an object with a board, placed in front of C1.
 //!
-//! In: a body and its pose. Out: its reflectance and, with [`super::trace`], its intersections with rays. Lengths in
-//! millimetres in the frame of the object, as in [`super::solid`]; the pose is in metres like every other.
+//! In: a solid and its pose. Out: its reflectance and, with [`super::trace`], its intersections with rays. Lengths are
+//! in millimetres in the frame of the object, as in [`super::solid`]; poses are in metres.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use super::SimulationError;
 use super::board::{Board, BoardPlane};
 use super::hand::Hand;
 use super::object::Object;
-use super::share::Scaled;
-use super::solid::{Material, PointMm, Solid};
+use super::scaled_solid::ScaledSolid;
+use super::solid::{MM_PER_M, Material, PointMm, Solid};
 
-/// The body that a ray hits.
+/// The part of the scene that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Surface {
     /// The object.
     Object,
-    /// The board under it, or one apart from the measurement volume.
+    /// The board, under the object or apart from the measurement volume.
     Board,
     /// A hand in front of the measurement volume.
     Hand,
 }
 
-/// An object, a board and what stands in front of them, placed in front of C1; a clone shares the bodies.
+/// An object, a board and obstacles, placed in front of C1. Clones share the solids.
 #[derive(Clone)]
 pub struct Scene {
     pub(super) solid: Arc<dyn Solid>,
@@ -37,20 +37,20 @@ pub struct Scene {
     cam1_from_object: Pose,
 }
 
-pub(super) const MM_PER_M: f64 = 1e3;
-/// Gap between the board and the far side of the object's usual volume, metres.
+/// Gap between the board and the far side of the default volume of the object, metres.
 const BOARD_GAP_M: f64 = 0.0005;
-/// Least distance of cameras and projector from a board, millimetres.
+/// Minimum distance of cameras and projector from a board, millimetres.
 const MIN_SIGHT_MM: f64 = 20.0;
 
 impl Scene {
-    /// An object in the middle of a measurement volume, facing the sensor.
+    /// Creates a scene of an object in the middle of a measurement volume, facing the sensor.
     #[must_use]
     pub fn from_object(object: Object, board: Board, exact_volume: &MeasurementVolume) -> Self {
         Self::from_shifted_object(object, [0.0; 3], board, exact_volume)
     }
 
-    /// An object and the board under it, shifted from the middle of a measurement volume in the volume's frame.
+    /// Creates a scene of an object and the board under it, shifted from the middle of a measurement volume, in the
+    /// frame of the volume.
     #[must_use]
     pub fn from_shifted_object(
         object: Object,
@@ -64,14 +64,14 @@ impl Scene {
         Self { solid: object.solid().into(), board, hand: None, volume_from_object, cam1_from_object }
     }
 
-    /// The scene with its object, which is `object`, scaled by a factor about its foot.
+    /// Returns the scene with its object, which is `object`, scaled by a factor about its foot.
     pub(super) fn scaled(self, object: Object, factor: f64) -> Self {
-        Self { solid: Arc::new(Scaled { solid: object.solid(), factor }), ..self }
+        Self { solid: Arc::new(ScaledSolid { solid: object.solid(), factor }), ..self }
     }
 
-    /// The scene with a hand in front of the measurement volume.
+    /// Returns the scene with a hand in front of the measurement volume.
     pub(super) fn with_hand(self, exact_volume: &MeasurementVolume) -> Self {
-        Self { hand: Some(Arc::new(Hand::before(exact_volume, &self.volume_from_object))), ..self }
+        Self { hand: Some(Arc::new(Hand::in_front_of(exact_volume, &self.volume_from_object))), ..self }
     }
 
     /// Checks that cameras and projector look at the front of the board.
@@ -82,7 +82,7 @@ impl Scene {
         if sight_mm >= MIN_SIGHT_MM { Ok(()) } else { Err(SimulationError::BoardAtDevice { sight_mm }) }
     }
 
-    /// Whether a surface stands apart from the measurement volume, so that it is never measured.
+    /// Whether a surface is apart from the measurement volume, so that it is never measured.
     pub(super) fn is_apart(&self, surface: Surface) -> bool {
         match surface {
             Surface::Object => false,
@@ -100,34 +100,34 @@ impl Scene {
         }
     }
 
-    /// Pose of the object's frame in that of the exact C1, metres.
+    /// Pose of the frame of the object in that of the exact C1, metres.
     #[must_use]
     pub fn cam1_from_object(&self) -> &Pose {
         &self.cam1_from_object
     }
 
-    /// The scene at another pose: the scanner or the object has moved.
+    /// Returns the scene at another pose, after the scanner or the object has moved.
     #[must_use]
     pub fn at(self, cam1_from_object: Pose) -> Self {
         Self { cam1_from_object, ..self }
     }
 
-    /// A point of the frame of C1 (metres) in the frame of the object (millimetres).
+    /// Transforms a point from the frame of C1 (metres) to the frame of the object (millimetres).
     pub(super) fn to_object(&self, point_cam1: &Point3) -> PointMm {
         self.cam1_from_object.inverse_transform_point(point_cam1).coords * MM_PER_M
     }
 
-    /// A direction of the frame of C1 in the frame of the object.
+    /// Transforms a direction from the frame of C1 to the frame of the object.
     pub(super) fn direction_to_object(&self, direction_cam1: &Vector3) -> PointMm {
         self.cam1_from_object.inverse_transform_vector(direction_cam1)
     }
 
-    /// A point of the frame of the object (millimetres) in the frame of C1 (metres).
+    /// Transforms a point from the frame of the object (millimetres) to the frame of C1 (metres).
     pub(super) fn to_cam1(&self, point: &PointMm) -> Point3 {
         self.cam1_from_object * Point3::from(point / MM_PER_M)
     }
 
-    /// Material at a place of a surface; boards are matt, and [`Self::albedo`] has their brightness.
+    /// Material at a point of a surface. Boards are matt; [`Self::albedo`] returns their brightness.
     pub(super) fn material(&self, surface: Surface, p: &PointMm) -> Material {
         match surface {
             Surface::Object => self.solid.material(p),
@@ -136,7 +136,7 @@ impl Scene {
         }
     }
 
-    /// Albedo at a place of a surface of a material.
+    /// Albedo at a point of a surface of a material.
     pub(super) fn albedo(&self, surface: Surface, material: Material, p: &PointMm) -> f64 {
         let waves = |scale: f64| (p.x / scale + 0.7).sin() * (p.y / scale * 0.9 - 0.4).sin() + (p.z / scale).cos();
         match surface {
@@ -146,7 +146,7 @@ impl Scene {
     }
 }
 
-/// Pose of an object at rest in a measurement volume: in the middle, facing the sensor.
+/// Pose of an object at rest in the middle of a measurement volume, facing the sensor.
 pub(super) fn volume_from_object(object: Object) -> Pose {
     let board_z_m = object.usual_depth_m() / 2.0 - BOARD_GAP_M;
     let half_turn = nalgebra::UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);

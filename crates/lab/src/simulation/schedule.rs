@@ -1,8 +1,8 @@
 //! Schedule of a projector or of a free-running camera: ticks at a fixed rate.
 //!
-//! In: the start and the rate. Out: the ticks, each computed from the start, so that nothing drifts.
+//! In: the start and the rate. Out: the ticks. Each is computed from the start, so that the schedule does not drift.
 
-/// Longest delay of a served tick, nanoseconds: a later one is missed.
+/// Longest delay of a served tick, nanoseconds. Later ticks are missed.
 const LATEST_NS: u64 = 100_000_000;
 
 /// Evenly spaced ticks.
@@ -23,7 +23,7 @@ pub struct Tick {
 }
 
 impl Schedule {
-    /// Ticks from `start_ns` on; the rate must be above 0.
+    /// Creates ticks from `start_ns` on. The rate must be above 0.
     #[must_use]
     pub fn new(start_ns: u64, rate_hz: f64) -> Self {
         Self { start_ns, rate_hz, next: 0 }
@@ -35,14 +35,14 @@ impl Schedule {
         self.time_ns(self.next)
     }
 
-    /// Takes the next tick if it is due; to be called until there is none.
+    /// Takes the next tick if it is due. Call it until it returns `None`.
     pub fn take(&mut self, now_ns: u64) -> Option<Tick> {
         if self.next_ns() > now_ns {
             return None;
         }
         let too_late_ns = now_ns.saturating_sub(LATEST_NS).saturating_sub(self.start_ns);
         let first_in_time = (too_late_ns as f64 * self.rate_hz / 1e9).ceil() as u64;
-        // At very low rates the last tick may be older; it is served all the same.
+        // At very low rates the last due tick may be older. It is served nevertheless.
         let latest_due = ((now_ns - self.start_ns) as f64 * self.rate_hz / 1e9) as u64;
         let number = first_in_time.min(latest_due).max(self.next);
         let tick = Tick { time_ns: self.time_ns(number), missed: number - self.next };

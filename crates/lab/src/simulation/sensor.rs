@@ -1,11 +1,9 @@
-//! The camera's sensor: converts light to grey levels, with noise.
+//! The sensor of a camera: converts light to grey levels, with noise.
 //!
 //! In: a [`View`] and a projected pattern. Out: an image of 8 to 16 bits. Noise is drawn per image and row from a seed,
-//! so the bytes do not depend on threads.
+//! so the result does not depend on the number of threads.
 
-use std::f64::consts::TAU;
-
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -13,17 +11,18 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::GreyImage;
 
 use super::SimulationError;
+use super::normal::standard_normal;
 use super::projected::Projected;
 use super::view::View;
 
 /// Noise of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
-    /// Electrons at grey level 255; their number has Poisson noise.
+    /// Electrons at grey level 255. Their number has Poisson noise.
     pub full_well_e: f64,
     /// Standard deviation of the read noise, electrons.
     pub read_noise_e: f64,
-    /// Standard deviation of the sensitivity from pixel to pixel, relative.
+    /// Standard deviation of the sensitivity of the pixels, relative.
     pub prnu: f64,
 }
 
@@ -45,7 +44,7 @@ pub enum NoiseLevel {
 pub struct Sensor {
     /// Grey level of a white surface that faces the fully lit projector.
     pub gain: f64,
-    /// Ambient light, relative to the projector's.
+    /// Ambient light, relative to the light of the projector.
     pub ambient: f64,
     /// Light that the projector leaks where it shows black, relative.
     pub leak: f64,
@@ -64,7 +63,7 @@ pub struct Sensor {
 pub struct ImageSeed {
     /// Seed of the whole sequence.
     pub seed: u64,
-    /// Number of the camera; each has its own sensitivity pattern.
+    /// Number of the camera. Each camera has its own sensitivity pattern.
     pub camera: u8,
     /// Number of the image in the sequence.
     pub image: u32,
@@ -107,20 +106,21 @@ impl std::str::FromStr for NoiseLevel {
 }
 
 impl Sensor {
-    /// An 8-bit sensor, exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing saturates.
+    /// Creates an 8-bit sensor, exposed so that bright parts have a modulation of 80 to 100 grey levels and nothing
+    /// saturates.
     #[must_use]
     pub fn exposed(noise: Option<Noise>, gamma: f64) -> Self {
         Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise, format: PixelFormat::Grey }
     }
 
-    /// The image of a pattern.
+    /// Returns the image of a pattern.
     #[must_use]
     pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
         self.exposure(view, &[], pattern, seed)
     }
 
-    /// The image of a pattern on a scene that moves while the shutter is open: the mean light of the view in the middle
-    /// of the exposure and of the others, all of one camera, before noise and rounding.
+    /// Returns the image of a pattern on a scene that moves while the shutter is open. The light is the mean over the
+    /// view in the middle of the exposure and the other views of the same camera, before noise and rounding.
     pub(super) fn exposure(&self, middle: &View, others: &[View], pattern: &Projected, seed: ImageSeed) -> GreyImage {
         let (view, bytes) = (middle, self.format.bytes());
         let mut pixels = vec![0; view.width * view.height * bytes];
@@ -136,13 +136,13 @@ impl Sensor {
         GreyImage { width: view.width, height: view.height, format: self.format, pixels }
     }
 
-    /// The value nearest to a grey level.
+    /// Returns the stored value nearest to a grey level.
     fn value(&self, grey: f64) -> u16 {
         let value = grey / f64::from(self.format.grey_per_value());
         value.round().clamp(0.0, self.format.max_value().into()) as u16
     }
 
-    /// Grey level of a pixel before noise and rounding; `index` counts row by row, below `width · height`.
+    /// Grey level of a pixel before noise and rounding. `index` counts row by row and is below `width · height`.
     #[must_use]
     pub fn grey(&self, view: &View, pattern: &Projected, index: usize) -> f64 {
         let samples = view.pixel(index);
@@ -162,10 +162,10 @@ impl Sensor {
 /// Noise of one row of one image.
 struct RowNoise {
     noise: Noise,
-    /// Sensitivity, the same in all images of a camera.
-    fixed: ChaCha8Rng,
-    /// Shot and read noise, new in every image.
-    fresh: ChaCha8Rng,
+    /// Generator of the sensitivity, which is the same in all images of a camera.
+    sensitivity_rng: ChaCha8Rng,
+    /// Generator of shot and read noise, which differ from image to image.
+    noise_rng: ChaCha8Rng,
 }
 
 impl RowNoise {
@@ -178,22 +178,15 @@ impl RowNoise {
             key[16..24].copy_from_slice(&(row as u64).to_le_bytes());
             ChaCha8Rng::from_seed(key)
         };
-        Self { noise, fixed: rng(u32::MAX), fresh: rng(seed.image) }
+        Self { noise, sensitivity_rng: rng(u32::MAX), noise_rng: rng(seed.image) }
     }
 
     fn apply(&mut self, grey: f64) -> f64 {
         let Noise { full_well_e, read_noise_e, prnu } = self.noise;
         let per_electron = 255.0 / full_well_e;
-        let electrons = grey / per_electron * (1.0 + prnu * standard_normal(&mut self.fixed));
-        // With hundreds of electrons and more, the Poisson distribution is close to a normal one.
+        let electrons = grey / per_electron * (1.0 + prnu * standard_normal(&mut self.sensitivity_rng));
+        // With hundreds of electrons or more, the Poisson distribution is close to a normal distribution.
         let sd = (electrons.max(0.0) + read_noise_e * read_noise_e).sqrt();
-        (electrons + sd * standard_normal(&mut self.fresh)) * per_electron
+        (electrons + sd * standard_normal(&mut self.noise_rng)) * per_electron
     }
-}
-
-/// A standard normal number (Box and Muller 1958).
-pub(super) fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
-    let (a, b): (f64, f64) = (rng.random(), rng.random());
-    // 1 − a is never zero.
-    (-2.0 * (1.0 - a).ln()).sqrt() * (TAU * b).cos()
 }

@@ -1,4 +1,4 @@
-//! A whole fringe sequence of the virtual scanner, as a dataset folder.
+//! Simulates a whole fringe sequence of the virtual scanner, as a dataset folder.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -33,7 +33,7 @@ pub struct SimulationOptions {
     pub rig: RigOptions,
     /// Phase shifts per direction, 3 to 16.
     pub steps: usize,
-    /// Whether there are fringes and code along the projector's rows as well.
+    /// Whether there are also fringes and code along the rows of the projector.
     pub two_directions: bool,
     /// Whether there is Gray code.
     pub gray: bool,
@@ -76,9 +76,9 @@ pub struct SimulationSummary {
     pub images: usize,
     /// Pixels of C1 that can be measured.
     pub measurable: usize,
-    /// Mean number of fringe periods on an epipolar segment, n of the paper's Eq. 1.
+    /// Mean number of fringe periods on an epipolar segment, n of Eq. 1 of the paper.
     pub mean_periods: f64,
-    /// Expected false candidates per true one, the paper's Eq. 1 with the sd of the calibration error.
+    /// Expected false candidates per true one: Eq. 1 of the paper with the sd of the calibration error.
     pub expected_false_candidates: f64,
     /// Place of the projector along the base.
     pub projector_place: f64,
@@ -86,7 +86,7 @@ pub struct SimulationSummary {
     pub calibration_error: CalibrationDeviation,
 }
 
-/// A simulated sequence: rays are traced, images can be taken.
+/// A simulated sequence. Its rays are traced, so its images can be taken.
 #[derive(Clone)]
 pub struct Simulation {
     options: SimulationOptions,
@@ -94,7 +94,7 @@ pub struct Simulation {
     /// Motion of the object from phase image to phase image.
     motion: Option<ObjectMotion>,
     rig: VirtualRig,
-    /// The scene of the truth; for a moving object, in the middle of its phase images.
+    /// The scene of the truth. For a moving object, this is the scene in the middle of its phase images.
     scene: Scene,
     views: [View; 2],
     truth: RenderedTruth,
@@ -107,12 +107,12 @@ impl Simulation {
     /// Builds rig and scene, and traces the views of both cameras.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of range.
+    /// [`SimulationError`]: an option is out of range.
     pub fn new(options: SimulationOptions) -> Result<Self, SimulationError> {
         Self::staged(options, Staging::default())
     }
 
-    /// As [`Self::new`], with the object shifted or moving, or a camera half covered.
+    /// As [`Self::new`], with obstacles, or with the object shifted, scaled or moving.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -141,13 +141,13 @@ impl Simulation {
         &self.rig
     }
 
-    /// The views of the cameras, C1 first; for a moving object, in the middle of its phase images.
+    /// The views of the cameras, C1 first. For a moving object, they are those in the middle of its phase images.
     #[must_use]
     pub fn views(&self) -> &[View; 2] {
         &self.views
     }
 
-    /// The truth, points in millimetres; its reference is not limited to the points that Gray code finds.
+    /// The truth, with points in millimetres. Its reference is not limited to the points that Gray code finds.
     #[must_use]
     pub fn truth(&self) -> &RenderedTruth {
         &self.truth
@@ -167,7 +167,7 @@ impl Simulation {
         }
     }
 
-    /// Kinds and patterns of a camera's images, in the order in which they are taken.
+    /// Kinds and patterns of the images of a camera, in the order in which they are taken.
     #[must_use]
     pub fn images(&self) -> Vec<(ImageKind, Projected)> {
         let mut images = self.direction(Direction::Columns, ImageKind::Phase, ImageKind::Gray);
@@ -178,7 +178,7 @@ impl Simulation {
         images
     }
 
-    /// Pose of the object in every phase image, if it moves.
+    /// Poses of the object in the phase images, if it moves.
     #[must_use]
     pub fn motion(&self) -> Option<Motion> {
         self.motion.as_ref().map(ObjectMotion::description)
@@ -189,7 +189,8 @@ impl Simulation {
         self.options.gray
     }
 
-    /// The simulation with the object at rest, where it is in the middle of its phase images; `None` if it does not move.
+    /// Returns the simulation with the object at rest, in its pose in the middle of its phase images; `None` if it does
+    /// not move.
     pub(crate) fn at_rest(&self) -> Option<Self> {
         self.motion.as_ref()?;
         Some(Self { motion: None, staging: Staging { motion: None, ..self.staging }, ..self.clone() })
@@ -222,10 +223,10 @@ impl Simulation {
         }
     }
 
-    /// Takes all images and writes them to a dataset folder, without the truth. `on_image` is called after every image of
+    /// Takes all images and writes them to a dataset folder, without the truth. Calls `on_image` after each image of
     /// both cameras.
     ///
-    /// Only the phase images of the first direction show a moving object in motion. All other images show it at rest, in the
+    /// A moving object moves only in the phase images of the first direction. All other images show it at rest, in the
     /// middle of its phase images, where the truth holds.
     pub(crate) fn write_images(
         &self,
@@ -295,7 +296,7 @@ impl Simulation {
     }
 }
 
-/// The scene of the options.
+/// Builds the scene of the options.
 fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Result<Scene, SimulationError> {
     options.board.check()?;
     let mut scene = Scene::from_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
@@ -306,12 +307,12 @@ fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Re
     Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
 }
 
-/// Phase shifts of `steps` images, evenly over a period, rad.
+/// Returns the phase shifts of `steps` images, evenly spaced over a period, rad.
 pub(super) fn even_shifts_rad(steps: usize) -> Vec<f64> {
     (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
-/// Remarks of a description on how its images were simulated.
+/// Returns remarks for a description about how its images were simulated.
 pub(super) fn remarks(
     rig: &VirtualRig,
     level: NoiseLevel,

@@ -6,42 +6,20 @@ use fringeflow::geometry::Pixel;
 use fringeflow_dataset::CameraId;
 
 use super::scene::Surface;
-use super::solid::{Material, PointMm, Solid};
 use super::trace::first_hit;
 use super::view::Eye;
 use super::{Board, Object, Scene, SimulationError, VirtualRig, check_range};
 
-/// Least and greatest share, percent.
+/// Smallest and largest share, percent.
 const MIN_PERCENT: f64 = 0.1;
 const MAX_PERCENT: f64 = 60.0;
 /// Stride of the tested pixels in a row, and of the rows.
 const STRIDE_PX: usize = 3;
-/// Most steps of the search, and its relative tolerance.
+/// Maximum number of steps of the search, and its relative tolerance.
 const MAX_STEPS: usize = 12;
 const TOLERANCE: f64 = 0.01;
 
-/// A body scaled about the origin of its frame.
-pub(super) struct Scaled {
-    pub(super) solid: Box<dyn Solid>,
-    pub(super) factor: f64,
-}
-
-impl Solid for Scaled {
-    fn distance_mm(&self, point: &PointMm) -> f64 {
-        self.solid.distance_mm(&(point / self.factor)) * self.factor
-    }
-
-    fn bounds_mm(&self) -> (PointMm, PointMm) {
-        let (min, max) = self.solid.bounds_mm();
-        (min * self.factor, max * self.factor)
-    }
-
-    fn material(&self, point: &PointMm) -> Material {
-        self.solid.material(&(point / self.factor))
-    }
-}
-
-/// The factor with which an object fills `percent` of the image of C1, without boards and hands.
+/// Finds the factor with which an object fills `percent` of the image of C1, without boards and hands.
 pub(super) fn factor(
     rig: &VirtualRig,
     object: Object,
@@ -56,13 +34,13 @@ pub(super) fn factor(
         if (found / percent - 1.0).abs() <= TOLERANCE {
             return Ok(factor);
         }
-        // An object that is not seen at all may still be too small, or outside the image.
+        // An object that is not seen at all may be too small, or outside the image.
         factor *= (percent / found.max(MIN_PERCENT / 10.0)).sqrt().clamp(0.3, 3.0);
     }
     Err(SimulationError::Share { object: object.name(), percent, found_percent: found })
 }
 
-/// Share of the image of C1 that a body fills, percent.
+/// Returns the share of the image of C1 that the object fills, percent.
 fn percent_of_image(rig: &VirtualRig, scene: &Scene) -> f64 {
     let eye = Eye::new(&rig.exact, scene, CameraId::Cam1);
     let (width, height) = (rig.exact.cam1.width_px(), rig.exact.cam1.height_px());

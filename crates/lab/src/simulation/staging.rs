@@ -1,23 +1,23 @@
-//! Options that make a scene harder than an object at rest in the middle, in front of two free cameras.
+//! Options that make a scene harder than an object at rest in the middle, with nothing in front of the cameras.
 
 use fringeflow_dataset::CameraId;
 
 use super::{MotionOptions, SimulationError, check_range};
 
 /// Position, size and motion of the object, and obstacles in front of a camera. By default the object is in the middle,
-/// in its original size, at rest, without obstacles.
+/// in its original size, at rest, and without obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Staging {
-    /// Shift of the object and the board under it from the middle of the measurement volume, in the volume's frame,
-    /// millimetres; parts outside the volume are seen, but not measured.
+    /// Shift of the object and the board under it from the middle of the measurement volume, in the frame of the
+    /// volume, millimetres. Parts outside the volume are seen, but not measured.
     pub shift_mm: [f64; 3],
     /// The camera whose right half a dark flap covers.
     pub covered: Option<CameraId>,
     /// Share of the image of C1 that the object is scaled to fill, percent; `None` for its original size.
     pub share_percent: Option<f64>,
-    /// A hand between the cameras and the measurement volume.
+    /// Whether there is a hand between the cameras and the measurement volume.
     pub hand: bool,
-    /// Motion of the object; `None` at rest.
+    /// Motion of the object; `None` if it is at rest.
     pub motion: Option<MotionOptions>,
 }
 
@@ -30,7 +30,7 @@ impl Staging {
         self.shift_mm.iter().try_for_each(check)
     }
 
-    /// Remarks of a description on this staging, where it differs from the default.
+    /// Returns remarks for a description about this staging, as far as it differs from the default.
     pub(super) fn remarks(&self) -> impl Iterator<Item = (String, serde_json::Value)> {
         let shift = (self.shift_mm != [0.0; 3]).then(|| ("shift_mm".to_owned(), self.shift_mm.as_slice().into()));
         let covered = self.covered.map(|camera| ("covered".to_owned(), camera.folder().into()));

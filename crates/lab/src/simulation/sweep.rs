@@ -1,8 +1,7 @@
-//! Motion of the hand that holds the scanner: a closed sweep over the object, with a tremor.
+//! Motion of a hand-held scanner: a closed sweep over the object, with a tremor.
 //!
 //! In: a few amplitudes. Out: for each pose of a round, the pose of the object in the measurement volume relative to
-//! rest; the last pose is followed by the first. For the cameras it makes no difference whether they or the object
-//! move.
+//! rest. After the last pose, the round repeats. Moving the object is equivalent to moving the cameras.
 
 use nalgebra::{Translation3, UnitQuaternion};
 
@@ -14,7 +13,7 @@ use super::{SimulationError, check_range};
 /// Options of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweepOptions {
-    /// Poses per round, one per image.
+    /// Number of poses per round, one per image.
     pub poses: usize,
     /// Travel to either side along x, y and z of the measurement volume, millimetres.
     pub travel_mm: [f64; 3],
@@ -24,7 +23,7 @@ pub struct SweepOptions {
     pub tremor_mm: f64,
     /// Root mean square of the tremor about each axis, degrees.
     pub tremor_deg: f64,
-    /// Distance by which the object may leave the measurement volume, millimetres; parts outside are seen, but not
+    /// Distance by which the object may leave the measurement volume, millimetres. Parts outside are seen, but not
     /// measured.
     pub outside_mm: f64,
     /// Seed of the tremor.
@@ -51,7 +50,7 @@ impl Default for SweepOptions {
 pub struct SweepSpeed {
     /// Mean over the round.
     pub mean_mm: f64,
-    /// Largest.
+    /// Maximum.
     pub max_mm: f64,
 }
 
@@ -62,37 +61,37 @@ pub struct Sweep {
     tremor: Tremor,
 }
 
-/// Bounds of the options: the measurement volume is 100 mm wide, the object may be larger.
+/// Bounds of the options. The measurement volume is 100 mm wide; the object may be larger.
 const MAX_POSES: f64 = 10_000.0;
 const MAX_TRAVEL_MM: f64 = 200.0;
 const MAX_TURN_DEG: f64 = 45.0;
 const MAX_OUTSIDE_MM: f64 = 400.0;
 
 impl Sweep {
-    /// A sweep from its options.
+    /// Creates a sweep.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: an option out of range.
+    /// [`SimulationError::Range`]: an option is out of range.
     pub fn new(options: SweepOptions) -> Result<Self, SimulationError> {
         check_range("the number of poses of the sweep", options.poses as f64, 1.0, MAX_POSES, "")?;
         for travel in options.travel_mm {
             check_range("the travel of the sweep", travel, 0.0, MAX_TRAVEL_MM, "mm")?;
         }
         for turn in options.turn_deg {
-            check_range("the turn of the sweep", turn, 0.0, MAX_TURN_DEG, "°")?;
+            check_range("the rotation of the sweep", turn, 0.0, MAX_TURN_DEG, "°")?;
         }
-        check_range("the way of the sweep out of the volume", options.outside_mm, 0.0, MAX_OUTSIDE_MM, "mm")?;
+        check_range("the distance of the sweep outside the volume", options.outside_mm, 0.0, MAX_OUTSIDE_MM, "mm")?;
         let tremor = Tremor::new(options.poses, options.tremor_mm, options.tremor_deg, options.seed)?;
         Ok(Self { options, tremor })
     }
 
-    /// Number of poses of a round.
+    /// Number of poses per round.
     #[must_use]
     pub fn poses(&self) -> usize {
         self.options.poses
     }
 
-    /// Pose of the object relative to rest, in the frame of the measurement volume, metres; numbers continue after a
+    /// Pose of the object relative to rest, in the frame of the measurement volume, metres. `number` may exceed a
     /// round.
     #[must_use]
     pub fn pose(&self, number: usize) -> Pose {
@@ -105,16 +104,17 @@ impl Sweep {
         Pose::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn))
     }
 
-    /// Speed of points at rest, frame of the measurement volume, metres.
+    /// Returns the speed of points of the object. `points` are given at rest, in the frame of the measurement volume,
+    /// metres.
     #[must_use]
-    pub fn speed(&self, places: &[Point3]) -> SweepSpeed {
+    pub fn speed(&self, points: &[Point3]) -> SweepSpeed {
         let poses: Vec<Pose> = (0..=self.poses()).map(|number| self.pose(number)).collect();
-        let way_mm = |pair: &[Pose], place: &Point3| (pair[1] * place - pair[0] * place).norm() * 1e3;
-        let ways: Vec<f64> =
-            poses.windows(2).flat_map(|pair| places.iter().map(move |place| way_mm(pair, place))).collect();
+        let step_mm = |pair: &[Pose], point: &Point3| (pair[1] * point - pair[0] * point).norm() * 1e3;
+        let steps_mm: Vec<f64> =
+            poses.windows(2).flat_map(|pair| points.iter().map(move |point| step_mm(pair, point))).collect();
         SweepSpeed {
-            mean_mm: ways.iter().sum::<f64>() / ways.len().max(1) as f64,
-            max_mm: ways.iter().copied().fold(0.0, f64::max),
+            mean_mm: steps_mm.iter().sum::<f64>() / steps_mm.len().max(1) as f64,
+            max_mm: steps_mm.iter().copied().fold(0.0, f64::max),
         }
     }
 }
@@ -123,7 +123,7 @@ impl Sweep {
 mod tests {
     use super::*;
 
-    fn places() -> Vec<Point3> {
+    fn points() -> Vec<Point3> {
         [[-0.04, -0.03, 0.0], [0.04, 0.03, 0.01], [0.0, 0.0, -0.01]].map(Point3::from).to_vec()
     }
 
@@ -134,8 +134,8 @@ mod tests {
         assert_eq!(sweep.pose(poses), sweep.pose(0));
         assert_eq!(sweep.pose(5 * poses + 17), sweep.pose(17));
         for number in 0..poses {
-            for place in places() {
-                let at = [number, number + 1, number + 2].map(|n| sweep.pose(n) * place);
+            for point in points() {
+                let at = [number, number + 1, number + 2].map(|n| sweep.pose(n) * point);
                 let bend_mm = (at[0].coords + at[2].coords - 2.0 * at[1].coords).norm() * 1e3;
                 assert!(bend_mm < 0.03, "pose {number}: {bend_mm} mm off a straight line");
             }
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_usual_sweep_moves_by_three_hundredths_of_a_millimetre() {
-        let speed = Sweep::new(SweepOptions::default()).unwrap().speed(&places());
+        let speed = Sweep::new(SweepOptions::default()).unwrap().speed(&points());
         assert!((speed.mean_mm - 0.03).abs() < 0.003 && speed.max_mm < 0.06, "{speed:?}");
     }
 

@@ -1,56 +1,44 @@
-//! Intersections of rays with a scene, and visibility between two places.
+//! Computes intersections of rays with a scene, and visibility between two points.
 //!
-//! Sphere tracing: a ray advances by the value of the distance field, which never skips a surface, with a least step
-//! that carries it across; the crossing is then refined. Hits are accurate to [`TOLERANCE_MM`] along the ray; only a
-//! sliver thinner than [`MIN_STEP_MM`] along the ray can be missed.
+//! The method is sphere tracing. A ray advances by the value of the distance field, so it skips no surface. A minimum
+//! step carries it across the surface, and the crossing is then refined. Hits are accurate to [`TOLERANCE_MM`] along
+//! the ray. Only a sliver thinner than [`MIN_STEP_MM`] along the ray can be missed.
 
+use super::ray::Ray;
 use super::scene::{Scene, Surface};
 use super::solid::{PointMm, Solid};
 
 /// Length of the interval along the ray at which the refinement ends, millimetres.
 const TOLERANCE_MM: f64 = 1e-6;
-/// Most steps of the refinement; it starts from micrometres and gains a factor of ten or more per step.
+/// Maximum number of steps of the refinement. It starts from micrometres and gains a factor of ten or more per step.
 const MAX_REFINEMENTS: usize = 40;
-/// Least step along the ray, millimetres.
+/// Minimum step along the ray, millimetres.
 const MIN_STEP_MM: f64 = 4e-3;
 /// Factor by which a trial step exceeds the free distance.
 const STRETCH: f64 = 1.7;
-/// Height above their surface at which shadow rays start, millimetres: well above the tolerance of hits, well below the
+/// Height above the surface at which shadow rays start, millimetres: well above the tolerance of hits, well below the
 /// resolution of a camera.
 const LIFT_MM: f64 = 1e-3;
 /// Step of the differences for a normal, millimetres.
 const NORMAL_SPAN_MM: f64 = 1e-4;
 
-/// A ray in the frame of the object; its direction has length 1, its parameter is in millimetres.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ray {
-    pub(super) origin: PointMm,
-    pub(super) direction: PointMm,
-}
-
 /// An intersection of a ray with the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The place, frame of the object, millimetres.
+    /// The point in the frame of the object, millimetres.
     pub point: PointMm,
     /// Outward normal of the surface, length 1.
     pub normal: PointMm,
-    /// The body that was hit.
+    /// The part of the scene that was hit.
     pub surface: Surface,
 }
 
-impl Ray {
-    pub(super) fn at(&self, distance: f64) -> PointMm {
-        self.origin + self.direction * distance
-    }
-}
-
-/// The first intersection of a ray with the scene.
+/// Returns the first intersection of a ray with the scene.
 pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     let board = scene.board.and_then(|board| Some((board.distance(ray)?, board.normal)));
     let mut nearest = board.map(|(distance, normal)| Hit { point: ray.at(distance), normal, surface: Surface::Board });
     let mut limit = board.map_or(f64::INFINITY, |(distance, _)| distance);
-    for (solid, surface) in bodies(scene) {
+    for (solid, surface) in solids(scene) {
         if let Some(distance) = march(solid, ray, limit) {
             let point = ray.at(distance);
             nearest = Some(Hit { point, normal: normal(solid, &point), surface });
@@ -60,23 +48,23 @@ pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     nearest
 }
 
-/// The bodies of a scene besides its board.
-fn bodies(scene: &Scene) -> impl Iterator<Item = (&dyn Solid, Surface)> {
+/// Iterates over the solids of a scene, without its board.
+fn solids(scene: &Scene) -> impl Iterator<Item = (&dyn Solid, Surface)> {
     let hand = scene.hand.as_deref().map(|hand| (hand as &dyn Solid, Surface::Hand));
     std::iter::once((scene.solid.as_ref(), Surface::Object)).chain(hand)
 }
 
-/// Half the interval of a ray that is searched for an expected hit, millimetres.
+/// Half the length of the interval of a ray that is searched for an expected hit, millimetres.
 const REACH_MM: f64 = 0.02;
 
-/// The intersection of a ray with the scene, if it lies where the ray meets the tangential plane of a nearby hit. The
-/// caller makes sure that nothing else is in its way.
+/// Returns the intersection of a ray with the scene, if it lies where the ray meets the tangential plane of a nearby
+/// hit. The caller ensures that nothing is in front of it.
 pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     if close.surface == Surface::Board {
         let distance = scene.board?.distance(ray)?;
         return Some(Hit { point: ray.at(distance), ..*close });
     }
-    let (solid, surface) = bodies(scene).find(|(_, surface)| *surface == close.surface)?;
+    let (solid, surface) = solids(scene).find(|(_, surface)| *surface == close.surface)?;
     let expected = (close.point - ray.origin).dot(&close.normal) / ray.direction.dot(&close.normal);
     let [outside, inside] = [expected - REACH_MM, expected + REACH_MM].map(|at| (at, solid.distance_mm(&ray.at(at))));
     if !(outside.1 > 0.0 && inside.1 < 0.0) {
@@ -86,22 +74,22 @@ pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
     Some(Hit { point, normal: normal(solid, &point), surface })
 }
 
-/// Whether light reaches `target` (a centre of projection) from a place of a surface.
+/// Whether light from `target` (a centre of projection) reaches a point of a surface.
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;
-    let way = target - origin;
-    if way.dot(&hit.normal) <= 0.0 || scene.board.is_some_and(|board| board.hides(&origin, target)) {
+    let to_target = target - origin;
+    if to_target.dot(&hit.normal) <= 0.0 || scene.board.is_some_and(|board| board.hides(&origin, target)) {
         return false;
     }
-    let length = way.norm();
-    let ray = Ray { origin, direction: way / length };
-    bodies(scene).all(|(solid, _)| march(solid, &ray, length).is_none())
+    let length = to_target.norm();
+    let ray = Ray { origin, direction: to_target / length };
+    solids(scene).all(|(solid, _)| march(solid, &ray, length).is_none())
 }
 
-/// Distance along the ray at which it enters the body, before `limit`.
+/// Returns the distance along the ray at which it enters the solid, if that is before `limit`.
 ///
-/// Steps are stretched. A stretched step is accepted only where the balls of free space at both its ends meet (Keinert
-/// et al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
+/// Steps are stretched. A stretched step is accepted only if the balls of free space at both its ends meet (Keinert et
+/// al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
 fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
     // outside = entry into the box
     // while outside is before the end:
@@ -129,8 +117,8 @@ fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
     None
 }
 
-/// Sign change of the field between a place outside and one inside, each with its value (regula falsi in the Illinois
-/// form, Dowell and Jarratt 1971).
+/// Finds the sign change of the field between a point outside and a point inside, each with its value (regula falsi in
+/// the Illinois form, Dowell and Jarratt 1971).
 fn crossing(solid: &dyn Solid, ray: &Ray, outside: (f64, f64), inside: (f64, f64)) -> f64 {
     let ((mut a, mut at_a), (mut b, mut at_b)) = (outside, inside);
     for _ in 0..MAX_REFINEMENTS {
@@ -142,18 +130,18 @@ fn crossing(solid: &dyn Solid, ray: &Ray, outside: (f64, f64), inside: (f64, f64
         if at_c.abs() <= TOLERANCE_MM / 10.0 {
             return c;
         }
-        // An end that stays twice loses half its weight, so both ends converge.
+        // An end that stays twice gets half the weight, so that both ends converge.
         if at_c < 0.0 { (b, at_b, at_a) = (c, at_c, at_a / 2.0) } else { (a, at_a, at_b) = (c, at_c, at_b / 2.0) }
     }
     a
 }
 
-/// Interval of a ray inside a box.
+/// Returns the interval of a ray inside a box.
 fn clip((min, max): (PointMm, PointMm), ray: &Ray) -> Option<(f64, f64)> {
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for i in 0..3 {
-        // A ray parallel to a side gets infinities of the right signs; on the side itself it gets NaN, which min and
-        // max ignore.
+        // For a ray parallel to a side, the quotients are infinities of the right signs. If the ray lies in the side
+        // itself, they are NaN, which min and max ignore.
         let (a, b) = ((min[i] - ray.origin[i]) / ray.direction[i], (max[i] - ray.origin[i]) / ray.direction[i]);
         near = near.max(a.min(b));
         far = far.min(a.max(b));
@@ -161,7 +149,7 @@ fn clip((min, max): (PointMm, PointMm), ray: &Ray) -> Option<(f64, f64)> {
     (near < far).then_some((near, far))
 }
 
-/// Outward normal from differences of the field.
+/// Returns the outward normal, from differences of the field.
 fn normal(solid: &dyn Solid, point: &PointMm) -> PointMm {
     // Four corners of a tetrahedron are as accurate as six points along the axes.
     let corners = [[1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, 1.0, 1.0]].map(PointMm::from);
@@ -174,7 +162,7 @@ mod tests {
     use super::*;
     use crate::simulation::solid::{ellipsoid, sphere};
 
-    /// A ball, with its exact field or one far below it.
+    /// A ball, with its exact field or a field far below it.
     struct Ball {
         low: bool,
     }

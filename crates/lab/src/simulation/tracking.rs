@@ -1,39 +1,39 @@
-//! Tracks what a pixel sees from the pose before: a fifth of the work of tracing it anew.
+//! Tracks the hits of pixels from the previous pose. This takes a fifth of the work of tracing them again.
 //!
-//! In: the view of a pose, and the scene after a small motion. Out: the new hit, as exact as a traced one, where the
-//! place that moved to the pixel belongs to a smooth, evenly lit piece of surface together with its neighbours. Edges
-//! of bodies and shadows move along with it, to within a pixel, so nothing can have come in between. All other rays are
-//! traced as usual.
+//! In: the view of a pose, and the scene after a small motion. Out: the new hit, as exact as a traced one. It exists if
+//! the point that moved to the pixel belongs, together with its neighbours, to a smooth and evenly lit piece of
+//! surface. Edges of solids and shadows move with that surface to within a pixel, so nothing can have come in between.
+//! All other rays are traced as usual.
 
 use fringeflow::geometry::Pixel;
 
 use super::trace::hit_near;
 use super::view::{Centre, Eye, Sample, View};
 
-/// Largest distance of a place from the centre of the pixel that it moved to, pixels: half its diagonal.
+/// Largest distance of a point from the centre of the pixel that it moved to, pixels: half the diagonal of a pixel.
 const MAX_OFF_PX: f64 = 0.72;
-/// Radius of the neighbourhood in which a surface must be smooth: where it has hardly moved, and where it came from
+/// Radius of the neighbourhood in which a surface must be smooth: if the point stayed in its pixel, and if it came from
 /// another pixel. Edges of nearer or farther surfaces move differently.
 const NEAR_PX: usize = 1;
 const FAR_PX: usize = 2;
-/// Most steps of the search for the place that moved to a pixel.
+/// Maximum number of steps of the search for the point that moved to a pixel.
 const MAX_STEPS: usize = 3;
 /// Largest distance of neighbours from the tangential plane, millimetres.
 const MAX_BEND_MM: f64 = 0.05;
-/// Least cosine between the normals of neighbours.
+/// Minimum cosine between the normals of neighbours.
 const MIN_NORMAL_COSINE: f64 = 0.95;
-/// Least cosines between the normal and the directions to camera and light: at flatter angles, other surfaces may
-/// become hidden.
+/// Minimum cosines between the normal and the directions to camera and light. At flatter angles, other surfaces may
+/// hide the point.
 const MIN_COSINE: f64 = 0.15;
 
 impl Eye<'_> {
-    /// What the centre of a pixel sees; `None` where only tracing can tell.
-    pub(super) fn centre_after(&self, before: &View, u: usize, v: usize) -> Option<Centre> {
+    /// Returns what the centre of a pixel sees, or `None` if it must be traced.
+    pub(super) fn centre_after(&self, previous: &View, u: usize, v: usize) -> Option<Centre> {
         let pixel = Pixel::new(u as f64, v as f64);
-        let [from_u, from_v] = self.pixel_before(before, &pixel)?;
+        let [from_u, from_v] = self.pixel_before(previous, &pixel)?;
         let has_moved = [from_u, from_v] != [u, v];
         let reach_px = if has_moved { FAR_PX } else { NEAR_PX };
-        let seen = smooth_centre(before, [from_u, from_v], reach_px)?;
+        let seen = smooth_centre(previous, [from_u, from_v], reach_px)?;
         let ray = self.ray(&pixel)?;
         let hit = hit_near(self.scene, &ray, &seen.hit?)?;
         if -ray.direction.dot(&hit.normal) < MIN_COSINE {
@@ -42,7 +42,7 @@ impl Eye<'_> {
         let sample = if seen.sample.reflected > 0.0 {
             self.lit_sample(&hit)?
         } else if has_moved && self.projector_pixel(&hit).is_some() {
-            // The border of the projected image does not move along with the surface.
+            // The border of the projected image does not move with the surface.
             return None;
         } else {
             self.dark_sample(&hit)
@@ -50,26 +50,26 @@ impl Eye<'_> {
         Some(Centre { hit: Some(hit), sample })
     }
 
-    /// The pixel that saw before what has moved to this pixel.
-    fn pixel_before(&self, before: &View, pixel: &Pixel) -> Option<[usize; 2]> {
-        let mut place = *pixel;
+    /// Returns the pixel that previously saw the point that has moved to this pixel.
+    fn pixel_before(&self, previous: &View, pixel: &Pixel) -> Option<[usize; 2]> {
+        let mut source = *pixel;
         for _ in 0..MAX_STEPS {
             let inside = |x: f64, length: usize| (x >= 0.0 && x < length as f64).then_some(x as usize);
-            let (u, v) = (inside(place.x, before.width)?, inside(place.y, before.height)?);
-            let off = self.project(&before.centres[v * before.width + u].hit?.point)? - pixel;
+            let (u, v) = (inside(source.x, previous.width)?, inside(source.y, previous.height)?);
+            let off = self.project(&previous.centres[v * previous.width + u].hit?.point)? - pixel;
             if off.norm() <= MAX_OFF_PX {
                 return Some([u, v]);
             }
-            place -= off.map(f64::round);
+            source -= off.map(f64::round);
         }
         None
     }
 
-    /// The light at a place that nothing hides from the projector; `None` at flat angles or outside the projected
-    /// image.
+    /// Returns the light at a point that nothing hides from the projector; `None` at flat angles or outside the
+    /// projected image.
     fn lit_sample(&self, hit: &super::Hit) -> Option<Sample> {
-        let way = self.light - hit.point;
-        if way.dot(&hit.normal) < MIN_COSINE * way.norm() {
+        let to_light = self.light - hit.point;
+        if to_light.dot(&hit.normal) < MIN_COSINE * to_light.norm() {
             return None;
         }
         let pixel = self.projector_pixel(hit)?;
@@ -77,12 +77,12 @@ impl Eye<'_> {
     }
 }
 
-/// What the centre of a pixel saw, if it and its neighbours belong to one smooth, evenly lit piece of surface.
-fn smooth_centre(before: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<Centre> {
-    if u < reach_px || v < reach_px || u + reach_px >= before.width || v + reach_px >= before.height {
+/// Returns what the centre of a pixel saw, if it and its neighbours belong to one smooth, evenly lit piece of surface.
+fn smooth_centre(previous: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<Centre> {
+    if u < reach_px || v < reach_px || u + reach_px >= previous.width || v + reach_px >= previous.height {
         return None;
     }
-    let middle = before.centres[v * before.width + u];
+    let middle = previous.centres[v * previous.width + u];
     let hit = middle.hit?;
     let is_lit = |centre: &Centre| centre.sample.reflected > 0.0;
     let belongs = |centre: &Centre| {
@@ -94,7 +94,7 @@ fn smooth_centre(before: &View, [u, v]: [usize; 2], reach_px: usize) -> Option<C
     };
     let side = 2 * reach_px + 1;
     let mut rows =
-        (v - reach_px..=v + reach_px).map(|row| &before.centres[row * before.width + u - reach_px..][..side]);
+        (v - reach_px..=v + reach_px).map(|row| &previous.centres[row * previous.width + u - reach_px..][..side]);
     rows.all(|row| row.iter().all(belongs)).then_some(middle)
 }
 
@@ -132,12 +132,12 @@ mod tests {
                 for pose in 1..6 {
                     view = View::trace_after(&view, rig, &scene(pose), camera, 1).unwrap();
                 }
-                let anew = View::trace(rig, &scene(5), camera, 1).unwrap();
+                let traced = View::trace(rig, &scene(5), camera, 1).unwrap();
                 let image = |view: &View| {
                     let seed = ImageSeed { seed: 1, camera: 0, image: 0 };
                     Sensor::exposed(None, 1.0).image(view, &scanner.projected(1), seed)
                 };
-                let (image, expected) = (image(&view), image(&anew));
+                let (image, expected) = (image(&view), image(&traced));
                 let off = image.pixels.iter().zip(&expected.pixels).filter(|(a, b)| a.abs_diff(**b) > 1).count();
                 assert!(off <= 2, "{object:?}, {camera:?}: {off} of {} pixels differ", image.pixels.len());
             }

@@ -1,6 +1,8 @@
-//! The tremor of a hand: a sum of waves with periods of ten to forty images, at sixty images per second 1.5 to 6 Hz.
+//! The tremor of a hand: a sum of waves with periods of ten to forty images, which is 1.5 to 6 Hz at sixty images per
+//! second.
 //!
-//! In: its strength and a seed. Out: translation and rotation at any time of a round, which ends as it began.
+//! In: its strength and a seed. Out: translation and rotation at any time of a round. The tremor repeats after a round
+//! without a jump.
 
 use std::f64::consts::TAU;
 
@@ -9,19 +11,19 @@ use rand_chacha::ChaCha8Rng;
 
 use fringeflow::geometry::Vector3;
 
-use super::sensor::standard_normal;
+use super::normal::standard_normal;
 use super::{SimulationError, check_range};
 
 /// A tremor.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tremor {
-    /// Images per round.
+    /// Number of images per round.
     round: usize,
-    /// Waves along x, y, z (metres) and about them (rad).
+    /// Waves along x, y and z (metres) and about them (rad).
     waves: [Vec<Wave>; 6],
 }
 
-/// One wave: periods per round, and its cosine and sine amplitudes.
+/// A wave: its number of periods per round, and its cosine and sine amplitudes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Wave {
     periods: usize,
@@ -35,11 +37,11 @@ const PERIOD_IMAGES: [usize; 2] = [10, 40];
 const MAX_RMS: f64 = 1.0;
 
 impl Tremor {
-    /// A tremor with the root mean square `rms_mm` along each axis and `rms_deg` about it. A round has `round` images,
-    /// at least one.
+    /// Creates a tremor with the root mean square `rms_mm` along each axis and `rms_deg` about it. A round has `round`
+    /// images, at least one.
     pub(super) fn new(round: usize, rms_mm: f64, rms_deg: f64, seed: u64) -> Result<Self, SimulationError> {
         check_range("the tremor", rms_mm, 0.0, MAX_RMS, "mm")?;
-        check_range("the turning tremor", rms_deg, 0.0, MAX_RMS, "°")?;
+        check_range("the rotational tremor", rms_deg, 0.0, MAX_RMS, "°")?;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let waves = std::array::from_fn(|axis| {
             let rms = if axis < 3 { rms_mm * 1e-3 } else { rms_deg.to_radians() };
@@ -48,7 +50,7 @@ impl Tremor {
         Ok(Self { round, waves })
     }
 
-    /// Translation (metres) and rotation (axis times angle, rad) at a time, counted in images.
+    /// Returns translation (metres) and rotation (axis times angle, rad) at a time, counted in images.
     pub(super) fn at(&self, image: f64) -> [Vector3; 2] {
         let value = |axis: usize| {
             let wave_value = |wave: &Wave| {
@@ -61,14 +63,14 @@ impl Tremor {
     }
 }
 
-/// Angle of a wave with `periods` per round at a time, rad. It is reduced before rounding, so that every round has the
-/// same bits.
+/// Returns the angle of a wave with `periods` per round at a time, rad. It is reduced before rounding, so that every
+/// round has the same bits.
 pub(super) fn angle(image: f64, periods: usize, round: usize) -> f64 {
     let round = round as f64;
     TAU * (image.rem_euclid(round) * periods as f64).rem_euclid(round) / round
 }
 
-/// Waves with random amplitudes and a joint root mean square of `rms`.
+/// Draws waves with random amplitudes and a total root mean square of `rms`.
 fn waves(rng: &mut ChaCha8Rng, round: usize, rms: f64) -> Vec<Wave> {
     let [shortest, longest] = PERIOD_IMAGES;
     let fewest = round.div_ceil(longest);

@@ -1,4 +1,4 @@
-//! The truth of a simulated dataset, per pixel of C1.
+//! Computes the truth of a simulated dataset, per pixel of C1.
 
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ struct PixelTruth {
     bright: bool,
 }
 
-/// A pixel whose ray hits nothing.
+/// The truth of a pixel whose ray hits nothing.
 const NOTHING: PixelTruth = PixelTruth {
     cam2_px: [f32::NAN; 2],
     point: [0.0; 3],
@@ -31,10 +31,12 @@ const NOTHING: PixelTruth = PixelTruth {
     bright: false,
 };
 
-/// The truth of a scene seen by `rig`, where `view` is the view of C1; points in `unit`, frame of the exact C1.
+/// Returns the truth of a scene that `rig` sees. `view` is the view of C1. Points are in `unit`, in the frame of the
+/// exact C1.
 ///
-/// `reference` holds all measurable points that are bright enough: not those of a dark board. Only images can show
-/// which of them Gray code finds. A board or a hand apart from the volume is seen and lit, but never in the volume.
+/// `reference` contains all measurable points that are bright enough, so not those of a dark board. Only images can
+/// show which of them Gray code finds. A board or a hand apart from the volume is seen and lit, but never in the
+/// volume.
 #[must_use]
 pub fn truth(rig: &Rig, volume: &MeasurementVolume, scene: &Scene, view: &View, unit: Unit) -> RenderedTruth {
     let cam2 = scene.to_object(&rig.centre_of_cam2());

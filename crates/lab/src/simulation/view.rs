@@ -1,29 +1,30 @@
-//! The view of a camera, before any pattern is chosen: the projector pixel that lights each place, and its brightness.
+//! The view of a camera without a pattern: the projector pixel that lights each point, and the brightness of the point.
 //!
 //! In: a rig, a scene, a camera. Out: a [`View`], from which the image of any pattern is computed without tracing. One
-//! ray is traced per pixel. Where a pixel and its neighbours do not belong to one smooth, evenly lit piece of surface,
-//! its samples are traced as well; elsewhere they are interpolated linearly.
+//! ray is traced per pixel. If a pixel and its neighbours do not belong to one smooth, evenly lit piece of surface, its
+//! samples are traced too. Otherwise they are interpolated linearly.
 
 use rayon::prelude::*;
 
 use fringeflow::geometry::{Camera, Pixel, Point3, Pose, Rig, Vector3};
 use fringeflow_dataset::CameraId;
 
+use super::ray::Ray;
 use super::scene::Scene;
 use super::solid::{Material, PointMm};
-use super::trace::{Hit, Ray, first_hit, is_free};
+use super::trace::{Hit, first_hit, is_free};
 use super::{SimulationError, check_range};
 
-/// A place on a surface as seen by a camera.
+/// A point on a surface as a camera sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
-    /// Column of the projector pixel that lights it, pixels; 0 in shadow.
+    /// Column of the projector pixel that lights the point, pixels; 0 in shadow.
     pub column_px: f32,
     /// Row of that projector pixel, pixels; 0 in shadow.
     pub row_px: f32,
-    /// Reflected share of the projector's light: albedo, cosine, gloss and distance; 0 in shadow.
+    /// Reflected share of the light of the projector: albedo, cosine, gloss and distance; 0 in shadow.
     pub reflected: f32,
-    /// Reflected share of the ambient light; 0 without a surface.
+    /// Reflected share of the ambient light; 0 if there is no surface.
     pub albedo: f32,
 }
 
@@ -45,16 +46,16 @@ pub struct View {
 /// What the centre of a pixel sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Centre {
-    /// The place that its ray hits; `None` without a surface.
+    /// The point that its ray hits; `None` if there is no surface.
     pub hit: Option<Hit>,
-    /// Its light.
+    /// Light at that point.
     pub sample: Sample,
 }
 
-/// Largest deviations from linearity for samples that are not traced: projector pixels, and share of the brightness.
+/// Largest deviations from linearity for interpolating samples: projector pixels, and share of the brightness.
 const SMOOTH_PX: f32 = 0.08;
 const SMOOTH_SHARE: f32 = 0.1;
-/// Exponent of Blinn's lobe: a highlight has half its brightness 9° off the mirrored direction.
+/// Exponent of the lobe of Blinn: a highlight has half its brightness 9° off the mirror direction.
 const GLOSS_EXPONENT: i32 = 60;
 /// Distance from the projector at which `reflected` is albedo times cosine, metres.
 const REFERENCE_DISTANCE_M: f64 = 0.31;
@@ -63,37 +64,37 @@ impl View {
     /// Traces the view of a camera of `rig`, with `supersampling`² samples per pixel.
     ///
     /// # Errors
-    /// [`SimulationError::Range`]: more than 4 × 4 samples, or none.
+    /// [`SimulationError::Range`]: there are more than 4 × 4 samples, or none.
     pub fn trace(rig: &Rig, scene: &Scene, camera: CameraId, supersampling: usize) -> Result<Self, SimulationError> {
         Self::trace_with(None, rig, scene, camera, supersampling)
     }
 
-    /// As [`Self::trace`] with less work: `before` is the view of the same camera on the same scene before a small
-    /// motion.
+    /// As [`Self::trace`], but with less work. `previous` is the view of the same camera on the same scene before a
+    /// small motion.
     ///
     /// # Errors
     /// As [`Self::trace`].
     pub(super) fn trace_after(
-        before: &Self,
+        previous: &Self,
         rig: &Rig,
         scene: &Scene,
         camera: CameraId,
         supersampling: usize,
     ) -> Result<Self, SimulationError> {
-        Self::trace_with(Some(before), rig, scene, camera, supersampling)
+        Self::trace_with(Some(previous), rig, scene, camera, supersampling)
     }
 
     fn trace_with(
-        before: Option<&Self>,
+        previous: Option<&Self>,
         rig: &Rig,
         scene: &Scene,
         camera: CameraId,
         supersampling: usize,
     ) -> Result<Self, SimulationError> {
-        check_range("supersampling", supersampling as f64, 1.0, 4.0, "samples a side")?;
+        check_range("supersampling", supersampling as f64, 1.0, 4.0, "samples per side")?;
         let eye = Eye::new(rig, scene, camera);
         let (width, height) = (eye.camera.width_px(), eye.camera.height_px());
-        let centres = Centres::trace(&eye, width, height, before);
+        let centres = Centres::trace(&eye, width, height, previous);
         let per_pixel = supersampling * supersampling;
         let mut samples = vec![Sample::default(); width * height * per_pixel];
         samples.par_chunks_mut((width * per_pixel).max(1)).enumerate().for_each(|(v, row)| {
@@ -138,24 +139,24 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// The ray of an image point.
+    /// Returns the ray of an image point.
     pub(super) fn ray(&self, pixel: &Pixel) -> Option<Ray> {
         let direction: Vector3 = self.cam1_from_camera.rotation * self.camera.ray(pixel)?;
         Some(Ray { origin: self.centre, direction: self.scene.direction_to_object(&direction.normalize()) })
     }
 
-    /// The image of a place in the camera.
+    /// Returns the image of a point in the camera.
     pub(super) fn project(&self, point: &PointMm) -> Option<Pixel> {
         self.camera.project(&self.cam1_from_camera.inverse_transform_point(&self.scene.to_cam1(point)))
     }
 
-    /// The first hit of the ray of an image point.
+    /// Returns the first hit of the ray of an image point.
     fn hit(&self, pixel: &Pixel) -> Option<Hit> {
         first_hit(self.scene, &self.ray(pixel)?)
     }
 
-    /// The projector pixel whose ray leads to a place, whether or not something stands between; `None` outside the
-    /// display.
+    /// Returns the projector pixel whose ray leads to a point, whether or not something is in between; `None` outside
+    /// the display.
     pub(super) fn projector_pixel(&self, hit: &Hit) -> Option<Pixel> {
         let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
         self.rig.projector.sees(&pixel).then_some(pixel)
@@ -173,24 +174,24 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// A place that the projector does not light.
+    /// Returns the sample of a point that the projector does not light.
     pub(super) fn dark_sample(&self, hit: &Hit) -> Sample {
         let material = self.scene.material(hit.surface, &hit.point);
         Sample { albedo: self.scene.albedo(hit.surface, material, &hit.point) as f32, ..Sample::default() }
     }
 
-    /// A place that a pixel of the projector lights.
+    /// Returns the sample of a point that a pixel of the projector lights.
     pub(super) fn sample_at(&self, hit: &Hit, pixel: &Pixel) -> Sample {
         let material = self.scene.material(hit.surface, &hit.point);
         let albedo = self.scene.albedo(hit.surface, material, &hit.point);
-        let way = self.light - hit.point;
-        let distance_m = way.norm() * 1e-3;
-        let cosine = way.dot(&hit.normal).max(0.0) / way.norm();
+        let to_light = self.light - hit.point;
+        let distance_m = to_light.norm() * 1e-3;
+        let cosine = to_light.dot(&hit.normal).max(0.0) / to_light.norm();
         let reflected = (albedo * cosine + self.highlight(hit, material)) * (REFERENCE_DISTANCE_M / distance_m).powi(2);
         Sample { column_px: pixel.x as f32, row_px: pixel.y as f32, reflected: reflected as f32, albedo: albedo as f32 }
     }
 
-    /// Light mirrored towards the camera by a glossy place (Blinn 1977).
+    /// Returns the light that a glossy point mirrors towards the camera (Blinn 1977).
     fn highlight(&self, hit: &Hit, material: Material) -> f64 {
         if material.gloss == 0.0 {
             return 0.0;
@@ -209,18 +210,18 @@ struct Centres {
 }
 
 impl Centres {
-    fn trace(eye: &Eye<'_>, width: usize, height: usize, before: Option<&View>) -> Self {
+    fn trace(eye: &Eye<'_>, width: usize, height: usize, previous: Option<&View>) -> Self {
         let mut pixels = vec![Centre::default(); width * height];
         pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.iter_mut().enumerate() {
-                let tracked = before.and_then(|before| eye.centre_after(before, u, v));
+                let tracked = previous.and_then(|previous| eye.centre_after(previous, u, v));
                 *pixel = tracked.unwrap_or_else(|| eye.centre(u, v));
             }
         });
         Self { width, height, pixels }
     }
 
-    /// Fills the samples of one pixel: interpolated where it is part of a smooth piece, traced elsewhere.
+    /// Fills the samples of a pixel. They are interpolated on a smooth piece of surface, and traced elsewhere.
     fn fill(&self, eye: &Eye<'_>, u: usize, v: usize, side: usize, samples: &mut [Sample]) {
         let slopes = self.slopes(u, v);
         for (i, sample) in samples.iter_mut().enumerate() {
@@ -237,7 +238,7 @@ impl Centres {
         }
     }
 
-    /// The slopes at a pixel, if it and its neighbours are linear.
+    /// Returns the slopes at a pixel, if it and its neighbours are linear.
     fn slopes(&self, u: usize, v: usize) -> Option<Slopes> {
         if u == 0 || v == 0 || u + 1 >= self.width || v + 1 >= self.height {
             return None;
@@ -262,7 +263,7 @@ impl Centres {
     }
 }
 
-/// Linear course of a sample about the centre of its pixel.
+/// Linear change of a sample around the centre of its pixel.
 struct Slopes {
     middle: Sample,
     along_u: Sample,

@@ -1,8 +1,8 @@
 //! A scanner that is moved by hand over an object, without its images.
 //!
-//! In: options. Out: the texts that a real scanner's configuration would hold ([`SetupText`]: calibration, pattern,
-//! measurement volume), and the scene in front of the cameras for every pose of the sweep. It is cheap: no ray is
-//! traced.
+//! In: options. Out: the texts that the configuration of a real scanner would contain ([`SetupText`]: calibration,
+//! pattern, measurement volume), and the scene in front of the cameras for each pose of the sweep. It is cheap, since
+//! no ray is traced.
 
 use fringeflow::calibration::calibration_text;
 use fringeflow::geometry::{Point3, Pose, Readout};
@@ -11,9 +11,10 @@ use fringeflow_dataset::{CameraId, DatasetDescription, FringeSequence, SetupText
 
 use super::object::Object;
 use super::projected::{Direction, Projected};
-use super::scene::{MM_PER_M, volume_from_object};
+use super::scene::volume_from_object;
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::sequence::{UNIT, even_shifts_rad, remarks};
+use super::solid::MM_PER_M;
 use super::sweep::{Sweep, SweepOptions, SweepSpeed};
 use super::{Board, RigOptions, Scene, SimulationError, VirtualRig, check_range};
 
@@ -34,7 +35,7 @@ pub struct VirtualScannerOptions {
     pub format: PixelFormat,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
-    /// Exposure, relative to the usual one, which saturates nothing.
+    /// Exposure, relative to the default, at which nothing saturates.
     pub exposure: f64,
     /// Samples along each side of a pixel, 1 to 4.
     pub supersampling: usize,
@@ -76,13 +77,13 @@ impl VirtualScanner {
     /// Builds the rig and plans the sweep.
     ///
     /// # Errors
-    /// [`SimulationError`]: an option out of range, a number of poses that is no multiple of the steps, or a sweep that
+    /// [`SimulationError`]: an option is out of range, the number of poses is not a multiple of the steps, or the sweep
     /// leaves the measurement volume.
     pub fn new(options: VirtualScannerOptions) -> Result<Self, SimulationError> {
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
         check_range("exposure", options.exposure, 0.01, 100.0, "")?;
-        check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples a side")?;
+        check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples per side")?;
         let sweep = Sweep::new(options.sweep)?;
         let (poses, steps) = (sweep.poses(), options.steps);
         if !poses.is_multiple_of(steps) {
@@ -119,7 +120,7 @@ impl VirtualScanner {
         self.sweep.speed(&self.corners())
     }
 
-    /// The texts that describe rig, pattern and measurement volume, as a real scanner has them.
+    /// Returns the texts that describe rig, pattern and measurement volume, as a real scanner has them.
     ///
     /// # Errors
     /// [`SimulationError::Description`].
@@ -128,7 +129,7 @@ impl VirtualScanner {
         Ok(SetupText { description, calibration: calibration_text(&self.rig.calibrated, UNIT) })
     }
 
-    /// Its description, apart from the calibration.
+    /// Returns the description of the scanner, without the calibration.
     #[must_use]
     pub fn description(&self) -> DatasetDescription {
         let options = &self.options;
@@ -151,7 +152,7 @@ impl VirtualScanner {
         }
     }
 
-    /// Pose of the object's frame in that of the exact C1 at a pose of the sweep, metres.
+    /// Pose of the frame of the object in that of the exact C1 at a pose of the sweep, metres.
     #[must_use]
     pub fn cam1_from_object(&self, pose: usize) -> Pose {
         let resting = volume_from_object(self.options.object);
@@ -181,12 +182,12 @@ impl VirtualScanner {
         ImageSeed { seed: self.options.seed, camera: camera as u8, image: pose as u32 }
     }
 
-    /// Corners of the object's box at rest, frame of the measurement volume, metres.
+    /// Corners of the box of the object at rest, in the frame of the measurement volume, metres.
     fn corners(&self) -> [Point3; 8] {
         let object = self.options.object;
-        let (least, most) = object.solid().bounds_mm();
+        let (min, max) = object.solid().bounds_mm();
         std::array::from_fn(|i| {
-            let pick = |axis: usize| if i >> axis & 1 == 0 { least[axis] } else { most[axis] };
+            let pick = |axis: usize| if i >> axis & 1 == 0 { min[axis] } else { max[axis] };
             volume_from_object(object) * (Point3::new(pick(0), pick(1), pick(2)) / MM_PER_M)
         })
     }
@@ -222,7 +223,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn its_texts_are_parsed_back_to_its_rig() {
+    fn parsing_its_texts_gives_its_rig() {
         let scanner = VirtualScanner::new(options()).unwrap();
         let setup = Setup::parse(scanner.setup_text().unwrap(), None).unwrap();
         let rig = scanner.rig();
@@ -237,7 +238,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_usual_sweep_keeps_every_object_in_its_volume_except_the_tray() {
+    fn the_default_sweep_keeps_all_objects_but_the_tray_in_their_volumes() {
         for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
             let rig = RigOptions { depth_m: object.usual_depth_m(), ..options().rig };
             let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
@@ -280,6 +281,6 @@ pub(super) mod tests {
         assert!(refused(poses(26)).contains("use 24 or 28 poses"), "{}", refused(poses(26)));
         let far = SweepOptions { travel_mm: [40.0, 0.0, 0.0], ..usual.sweep };
         let refused = refused(VirtualScannerOptions { sweep: far, ..usual });
-        assert!(refused.contains("pose 0 of the sweep takes the object 3."), "{refused}");
+        assert!(refused.contains("pose 0 of the sweep moves the object 3."), "{refused}");
     }
 }

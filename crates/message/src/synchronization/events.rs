@@ -1,9 +1,10 @@
 //! Puts the pattern events in order.
 //!
-//! In: events as they arrive. Out: for each exposure its step, or the reason why it has none.
+//! In: events as they arrive. Out: for each exposure, its step or the reason why it has none.
 //!
-//! The first event of an exposure counts. Waiting for a second one would delay every cloud by a period and lose the last
-//! window of a scan. A second event with another content breaks the run of windows after it instead.
+//! The first event of an exposure counts. If the code waited for a possible second event, every cloud would be delayed
+//! by a period and the last window of a scan would be lost. Instead, a second event with different content ends the
+//! current run of windows.
 
 use std::collections::VecDeque;
 
@@ -11,15 +12,16 @@ use crate::{Counts, DropReason, PATTERN_FRINGES, PatternEvent};
 
 use super::gaps::{Arrival, GapCounter};
 use super::reorder::{Place, Placed, ReorderBuffer};
-use super::{Settings, StepSource};
+use super::settings::{Settings, StepSource};
 
 /// Maximum number of events that wait for their pair.
 const MAX_EVENTS: usize = 64;
-/// Events remembered to recognise a second event of the same exposure.
+/// Number of events remembered to recognize a second event of the same exposure.
 const REMEMBERED: usize = 16;
-/// An event is lost when a number arrives that is greater by more than this. By then it could not be used any more.
+/// A missing event counts as lost when an event arrives whose number is greater by more than this. By then it could not
+/// be used any more.
 const PATIENCE: u64 = 8;
-/// Sessions of the driver remembered, so that an old session is not taken for a new one.
+/// Number of driver sessions remembered, so that an old session is not mistaken for a new one.
 const SESSIONS: usize = 4;
 /// Relative tolerance of the fringe period.
 const PERIOD_TOLERANCE: f64 = 1e-6;
@@ -36,7 +38,7 @@ pub(super) struct PatternEvents {
     contradictions: u64,
 }
 
-/// The step that an event announces for its exposure, or why it has none.
+/// Step announced for an exposure, or the reason why it has none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Announcement {
     pub(super) step: Result<usize, DropReason>,
@@ -53,7 +55,7 @@ pub(super) struct Origin {
 }
 
 impl Origin {
-    /// Whether this is the next event after `before`, without a contradiction in between.
+    /// Whether this event directly follows `before`, without a contradiction in between.
     pub(super) fn follows(&self, before: &Self) -> bool {
         self.session == before.session
             && self.contradictions == before.contradictions
@@ -79,7 +81,7 @@ impl PatternEvents {
         self.gaps.set_next(Some(sequence));
     }
 
-    /// Takes an event.
+    /// Adds an event.
     pub(super) fn push(&mut self, event: PatternEvent, counts: &mut Counts) {
         let place = Place { session: event.session, sequence: event.sequence, time_ns: event.exposure_start_ns };
         if !self.count_arrival(&place, counts) {
@@ -105,7 +107,7 @@ impl PatternEvents {
         self.reorder.take_next()
     }
 
-    /// Drops the oldest event, since no pair belongs to it; `false` if there is none.
+    /// Drops the oldest event, because it belongs to no pair. Returns `false` if there is none.
     pub(super) fn drop_oldest(&mut self, counts: &mut Counts) -> bool {
         let dropped = self.reorder.take_next();
         if let Some(announced) = dropped {
@@ -122,7 +124,7 @@ impl PatternEvents {
         count_lost(self.gaps.give_up(), counts);
     }
 
-    /// Counts the event and the lost events before it; `false` if the event itself was already counted as lost.
+    /// Counts the event and the lost events before it. Returns `false` if the event itself was already counted as lost.
     fn count_arrival(&mut self, place: &Place, counts: &mut Counts) -> bool {
         counts.taken += 1;
         if self.reorder.is_stale(place) {
@@ -141,7 +143,7 @@ impl PatternEvents {
         true
     }
 
-    /// A new driver numbers its events from 0. For the first driver the number of its first event is unknown.
+    /// A restarted driver numbers its events from 0. For the first driver, the number of its first event is unknown.
     fn begin_session(&mut self, session: u64, counts: &mut Counts) {
         count_lost(self.gaps.give_up(), counts);
         let is_new = !self.sessions.is_empty() && !self.sessions.contains(&session);
@@ -154,7 +156,7 @@ impl PatternEvents {
         self.recent.clear();
     }
 
-    /// Reason to drop an event before it is put in order.
+    /// Reason to drop an event before it is put in order, if any.
     fn reason_to_drop(&mut self, event: &PatternEvent) -> Option<DropReason> {
         if matches!(self.settings.source, StepSource::Cycle) {
             return Some(DropReason::Unpaired);
@@ -163,7 +165,7 @@ impl PatternEvents {
             return Some(DropReason::BadTime);
         }
         let half_period_ns = self.settings.half_period_ns();
-        // The same number, or the same exposure within half a period.
+        // An event with the same number, or for the same exposure within half a period.
         let twin = self.recent.iter().find(|recent| {
             let apart_ns = recent.exposure_start_ns.abs_diff(event.exposure_start_ns);
             recent.session == event.session && (recent.sequence == event.sequence || apart_ns < half_period_ns)

@@ -1,19 +1,19 @@
 //! Counts the gaps in the numbers of a channel.
 //!
-//! In: the numbers of the messages as they arrive. Out: the number of lost messages. Every number is counted once: a message
-//! that arrives after it was counted as lost is not counted again.
+//! In: the numbers of the messages as they arrive. Out: the number of lost messages. Every number is counted once: a
+//! message that arrives after it was counted as lost is not counted again.
 
 use std::collections::VecDeque;
 
-/// Missing numbers remembered, so that a late message is not counted twice.
+/// Maximum number of missing numbers remembered, so that a late message is not counted twice.
 const REMEMBERED: u64 = 64;
-/// A wider gap is no loss: the publisher has restarted its numbers.
+/// A wider gap is not a loss: the publisher has restarted its numbers.
 const WIDEST_GAP: u64 = 1 << 32;
 
 /// Numbers of one channel.
 #[derive(Debug)]
 pub(super) struct GapCounter {
-    /// A missing number is lost once a number arrives that is greater by more than this.
+    /// A missing number counts as lost when a number arrives that is greater by more than this.
     patience: u64,
     next: Option<u64>,
     missing: VecDeque<Missing>,
@@ -25,7 +25,7 @@ struct Missing {
     is_counted: bool,
 }
 
-/// Whether the message of a number is new.
+/// Whether a message is new.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Arrival {
     /// A new message.
@@ -38,17 +38,18 @@ pub(super) enum Arrival {
 }
 
 impl GapCounter {
-    /// A counter that treats a missing number as lost once a number arrives that is greater by more than `patience`.
+    /// Creates a counter. A missing number counts as lost when a number arrives that is greater by more than
+    /// `patience`.
     pub(super) fn new(patience: u64) -> Self {
         Self { patience, next: None, missing: VecDeque::new() }
     }
 
-    /// Sets the next number. The numbers from it to the next arrival are lost.
+    /// Sets the next number. The numbers from it up to that of the next message count as lost.
     pub(super) fn set_next(&mut self, next: Option<u64>) {
         self.next = next;
     }
 
-    /// Takes the number of an arrived message.
+    /// Processes the number of an arrived message.
     pub(super) fn arrive(&mut self, number: u64) -> Arrival {
         let next = self.next.unwrap_or(number);
         if number >= next {
@@ -59,7 +60,7 @@ impl GapCounter {
             let is_counted = self.missing.remove(index).is_some_and(|missing| missing.is_counted);
             return if is_counted { Arrival::CountedAsLost } else { Arrival::New { lost: 0 } };
         }
-        // A repeated number of a message that has arrived before.
+        // The number of a message that has already arrived.
         if next - number <= REMEMBERED {
             return Arrival::New { lost: 0 };
         }
@@ -69,7 +70,7 @@ impl GapCounter {
         Arrival::New { lost }
     }
 
-    /// Stops waiting for missing numbers; the number of newly lost messages.
+    /// Stops waiting for missing numbers. Returns the number of messages newly counted as lost.
     pub(super) fn give_up(&mut self) -> u64 {
         let lost = self.missing.iter().filter(|missing| !missing.is_counted).count() as u64;
         self.missing.clear();
@@ -82,10 +83,10 @@ impl GapCounter {
         if gap > WIDEST_GAP {
             return self.give_up();
         }
-        // Numbers beyond the memory are lost at once. The others may still arrive.
+        // Numbers that cannot be remembered count as lost at once. The others may still arrive.
         let mut lost = gap.saturating_sub(REMEMBERED);
         self.missing.extend((next + lost..number).map(|number| Missing { number, is_counted: false }));
-        // Older numbers leave the memory. They are lost unless they are counted already.
+        // Older numbers are forgotten. They are lost unless they are already counted.
         while self.missing.len() as u64 > REMEMBERED {
             lost += u64::from(self.missing.pop_front().is_some_and(|missing| !missing.is_counted));
         }

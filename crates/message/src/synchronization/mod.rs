@@ -10,17 +10,19 @@
 //!  pattern events ─► reorder ────────────┘
 //! ```
 //!
-//! Every window is complete. A lost image costs its windows and never shifts a phase. The windows depend on the content and
-//! order of each channel, and not on the interleaving of the channels, as long as the waiting images stay below the limits.
-//! Hence a replay makes the same windows. Nothing here reads a clock: an image waits until a later one shows that its
-//! partner cannot come any more.
+//! Every window is complete. A lost image costs its windows and never shifts a phase. The windows depend only on the
+//! content and order of each channel, not on the interleaving of the channels, as long as the number of waiting images
+//! stays below the limits. Hence a replay produces the same windows. The code reads no clock: an image waits until a
+//! later one shows that its partner cannot come any more.
 //!
-//! Take one message of each channel in turn. Then the number of waiting images stays far below the limits.
+//! Callers should take one message from each channel in turn. Then the number of waiting images stays far below the
+//! limits.
 
 mod events;
 mod gaps;
 mod pairing;
 mod reorder;
+mod settings;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -28,105 +30,17 @@ mod windows;
 
 use std::collections::VecDeque;
 
-use fringeflow_base::limits::{MAX_IMAGES, MAX_STEPS, MIN_STEPS};
-
-use crate::{Counts, DropReason, FrameHeader, PatternEvent, Skew, Stage, Window};
+use crate::{Counts, DropReason, FrameHeader, PatternEvent, Skew, Stage};
 
 use pairing::{Image, Pairing};
 use steps::StepAssignment;
 use windows::WindowBuilder;
 
-/// Lower limit of [`Settings::max_waiting`]: a lost image makes three images of the other camera wait, and one more.
-pub const MIN_WAITING: usize = 4;
+pub use settings::{MIN_WAITING, Settings, SettingsError, StepSource};
+pub use windows::WindowImages;
 
-/// Settings of the synchronization.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Number of steps N of the phase shift.
-    pub steps: usize,
-    /// Image pairs of a window: N, or more if motion is compensated.
-    pub images: usize,
-    /// Time from one exposure to the next, nanoseconds. An error of some percent is allowed.
-    pub frame_period_ns: u64,
-    /// Source of the step of a pair.
-    pub source: StepSource,
-    /// Window stride, pairs: 1 for a window with every pair, N for disjoint windows that end with the last step.
-    pub window_stride: usize,
-    /// Maximum number of images of a camera that wait for their partner or their step. The images of one window are held in
-    /// addition.
-    pub max_waiting: usize,
-}
-
-/// Source of the step of a pair.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StepSource {
-    /// The driver of the projector announces each pattern.
-    Events {
-        /// Fringe period that the events must have, projector pixels.
-        period_px: f64,
-    },
-    /// The sequence number of camera 1 modulo N. The projector shows step 0 at the first image of the session.
-    Cycle,
-}
-
-/// Settings out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingsError {
-    /// Too few or too many steps.
-    #[error("steps is {steps}; a cycle has {MIN_STEPS} to {MAX_STEPS}")]
-    Steps {
-        /// The value.
-        steps: usize,
-    },
-    /// A window is shorter than a cycle, or too long.
-    #[error("a window has {images} image pairs; with {steps} steps it must have {steps} to {MAX_IMAGES}")]
-    Images {
-        /// The value.
-        images: usize,
-        /// Number of steps.
-        steps: usize,
-    },
-    /// The frame period is too short.
-    #[error("the frame period is {frame_period_ns} ns; give the time from one exposure to the next, at least 1000 ns")]
-    FramePeriod {
-        /// The value.
-        frame_period_ns: u64,
-    },
-    /// The fringe period is not a positive number.
-    #[error("the fringe period is {period_px} px; it must be a finite number above 0")]
-    FringePeriod {
-        /// The value.
-        period_px: f64,
-    },
-    /// The window stride is 0.
-    #[error(
-        "the window stride is 0; give 1 for a window with every image pair, or the number of steps for disjoint windows"
-    )]
-    WindowStride,
-    /// The limit of waiting images is too low.
-    #[error(
-        "max_waiting is {max_waiting}; at least {MIN_WAITING} images of a camera must be able to wait for the other"
-    )]
-    MaxWaiting {
-        /// The value.
-        max_waiting: usize,
-    },
-}
-
-/// The images of one window, in the order of their exposures.
-#[derive(Clone, Debug)]
-pub struct WindowImages<F> {
-    /// Sessions, numbers and times of the images.
-    pub window: Window,
-    /// Delay of the images of camera 2 after those of camera 1, mean over the pairs, nanoseconds.
-    pub skew_ns: i64,
-    /// Images of camera 1.
-    pub cam1: Vec<F>,
-    /// Images of camera 2.
-    pub cam2: Vec<F>,
-}
-
-/// Makes windows of images. `F` holds the pixels of an image and is cloned into each window of the image.
+/// Creates windows from images. `F` is the handle of the pixels of an image; it is cloned into each window that
+/// contains the image.
 #[derive(Debug)]
 pub struct Synchronizer<F> {
     settings: Settings,
@@ -144,39 +58,8 @@ struct StageCounts {
     windowing: Counts,
 }
 
-impl Settings {
-    fn half_period_ns(&self) -> u64 {
-        self.frame_period_ns / 2
-    }
-
-    fn check(&self) -> Result<(), SettingsError> {
-        let Self { steps, images, frame_period_ns, source, window_stride, max_waiting } = *self;
-        if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
-            return Err(SettingsError::Steps { steps });
-        }
-        if !(steps..=MAX_IMAGES).contains(&images) {
-            return Err(SettingsError::Images { images, steps });
-        }
-        if frame_period_ns < 1000 {
-            return Err(SettingsError::FramePeriod { frame_period_ns });
-        }
-        if let StepSource::Events { period_px } = source
-            && !(period_px.is_finite() && period_px > 0.0)
-        {
-            return Err(SettingsError::FringePeriod { period_px });
-        }
-        if window_stride == 0 {
-            return Err(SettingsError::WindowStride);
-        }
-        if max_waiting < MIN_WAITING {
-            return Err(SettingsError::MaxWaiting { max_waiting });
-        }
-        Ok(())
-    }
-}
-
 impl<F: Clone> Synchronizer<F> {
-    /// A synchronizer without any message yet.
+    /// Creates a synchronizer that has received no message yet.
     ///
     /// # Errors
     /// [`SettingsError`].
@@ -204,7 +87,7 @@ impl<F: Clone> Synchronizer<F> {
         self.steps.events().set_next(session, sequence);
     }
 
-    /// Takes an image.
+    /// Adds an image.
     pub fn push_frame(&mut self, header: FrameHeader, handle: F) {
         let Some(camera) = camera_index(header.camera) else {
             self.counts.pairing.taken += 1;
@@ -215,7 +98,7 @@ impl<F: Clone> Synchronizer<F> {
         self.limit_waiting(camera);
     }
 
-    /// Counts an image that its receiver refuses. The windows treat it as lost.
+    /// Counts an image that the receiver refuses. The windows treat it as lost.
     pub fn refuse_frame(&mut self, header: &FrameHeader, reason: DropReason) {
         match camera_index(header.camera) {
             Some(camera) => self.pairing.refuse(camera, header, reason, &mut self.counts.pairing),
@@ -226,19 +109,19 @@ impl<F: Clone> Synchronizer<F> {
         }
     }
 
-    /// Takes an event of the projector driver.
+    /// Adds an event of the projector driver.
     pub fn push_pattern(&mut self, event: PatternEvent) {
         self.steps.events().push(event, &mut self.counts.pattern);
         self.advance();
     }
 
-    /// Takes the next window. Take all windows after each message, so that their images can be freed.
+    /// Returns the next window. Call this after each message until it returns `None`, so that images can be released.
     pub fn next_window(&mut self) -> Option<WindowImages<F>> {
         self.ready.pop_front()
     }
 
-    /// Counts of [`Stage::Pattern`] (events), [`Stage::Pairing`] (images) and [`Stage::Windowing`] (pairs); `None` for other
-    /// stages.
+    /// Returns the counts of [`Stage::Pattern`] (events), [`Stage::Pairing`] (images) and [`Stage::Windowing`] (pairs);
+    /// `None` for other stages.
     #[must_use]
     pub fn counts(&self, stage: Stage) -> Option<&Counts> {
         match stage {
@@ -249,7 +132,7 @@ impl<F: Clone> Synchronizer<F> {
         }
     }
 
-    /// Skew of the pairs since the last call.
+    /// Returns the skew of the pairs since the last call.
     pub fn take_skew(&mut self) -> Skew {
         self.pairing.take_skew()
     }
@@ -271,7 +154,7 @@ impl<F: Clone> Synchronizer<F> {
         }
     }
 
-    /// Drops the oldest images of a camera while too many wait.
+    /// Drops the oldest images of a camera while too many are waiting.
     fn limit_waiting(&mut self, camera: usize) {
         let counts = &mut self.counts.pairing;
         while self.pairing.waiting(camera) + self.steps.waiting() > self.settings.max_waiting {

@@ -1,8 +1,8 @@
 //! Pairs the images of both cameras that show the same exposure.
 //!
-//! Two images show the same exposure if their exposures start within half a frame period. The difference of their sequence
-//! numbers is constant in a session. If the times contradict it, the new difference is accepted, but the pair that shows it
-//! is dropped. An image waits until the other camera has delivered a later one.
+//! Two images show the same exposure if their exposures start within half a frame period. The difference of their
+//! sequence numbers is constant in a session. If the times contradict it, the new difference is accepted, but the pair
+//! that shows it is dropped. An image waits until the other camera has delivered a later one.
 
 use crate::{Counts, DropReason, FrameHeader, Skew};
 
@@ -163,7 +163,8 @@ impl<F> Pairing<F> {
         true
     }
 
-    /// Whether the numbers of a pair have the offset of the pairs before it. The offset of this pair is known from then on.
+    /// Whether the numbers of a pair have the offset of the pairs before it. The offset of this pair is known from then
+    /// on.
     fn has_known_offset(&mut self, [first, second]: [Place; 2]) -> bool {
         let sessions = [first.session, second.session];
         let found = Offset { sessions, sequence: second.sequence.wrapping_sub(first.sequence) };

@@ -1,17 +1,17 @@
-//! Puts the items of one channel in order: images or events as they arrive, sorted by their times.
+//! Puts the items of one channel (images or events) in the order of their times.
 //!
-//! An item whose number follows its predecessor passes at once. An item after a gap is held until the gap is closed or two
-//! more items have arrived. So two swapped items are put in order. After a loss no window waits longer than it would anyway,
-//! since a window has at least three images. Times decide the order; numbers only show whether an item is missing. The
-//! result depends on the content of this one channel alone.
+//! An item whose number follows that of its predecessor passes at once. After a gap, an item is held until the missing
+//! item arrives or two more items have arrived. So two swapped items are put in order. After a loss, no window is
+//! delayed more than it would be anyway, since a window has at least three images. The times decide the order; the
+//! numbers only show whether an item is missing. The result depends on the content of this channel alone.
 
 use std::collections::VecDeque;
 
 use crate::DropReason;
 
-/// Items held while an earlier one may still arrive.
+/// Number of items held while an earlier one may still arrive.
 const MAX_HELD: usize = 2;
-/// Places remembered to distinguish a repeated item from a late one.
+/// Number of positions remembered to distinguish a repeated item from a late one.
 const REMEMBERED: usize = 16;
 /// After this many rejected items in a row, each later than the one before, the earlier items must have been wrong.
 const RESTART_AFTER: usize = 4;
@@ -19,7 +19,7 @@ const RESTART_AFTER: usize = 4;
 /// Position of an item in its channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    /// Start of the sender.
+    /// Identifies the start of the sender.
     pub(super) session: u64,
     /// Number in the session.
     pub(super) sequence: u64,
@@ -27,7 +27,7 @@ pub(super) struct Place {
     pub(super) time_ns: u64,
 }
 
-/// An item and its place.
+/// An item and its position.
 #[derive(Debug)]
 pub(super) struct Placed<T> {
     /// Position of the item.
@@ -43,7 +43,7 @@ pub(super) struct ReorderBuffer<T> {
     ordered: VecDeque<Placed<T>>,
     /// Items after a gap, sorted by time.
     held: Vec<Placed<T>>,
-    /// Places of the last items put in order, of this session.
+    /// Positions of the last items put in order, of this session.
     recent: VecDeque<Place>,
     last_rejected: Option<Place>,
     rejected_in_a_row: usize,
@@ -53,7 +53,7 @@ pub(super) struct ReorderBuffer<T> {
 enum Verdict {
     Accept,
     NewSession,
-    /// Times went back for good: the earlier items were wrong.
+    /// The times stay earlier: the earlier items were wrong.
     Restart,
     Drop(DropReason),
 }
@@ -70,7 +70,7 @@ impl<T> ReorderBuffer<T> {
         }
     }
 
-    /// Takes an item. Items dropped because of it are found by [`Self::take_dropped`].
+    /// Adds an item. Items dropped because of it are returned by [`Self::take_dropped`].
     pub(super) fn push(&mut self, placed: Placed<T>) {
         match self.verdict(&placed.place) {
             Verdict::Accept => {}
@@ -87,19 +87,19 @@ impl<T> ReorderBuffer<T> {
         self.release();
     }
 
-    /// Whether the place is of another session without being later than the items so far.
+    /// Whether the position belongs to another session but is not later than the items so far.
     pub(super) fn is_stale(&self, place: &Place) -> bool {
         let Some(last) = self.recent.back() else { return false };
         let newest = self.held.last().map_or(last, |held| &held.place);
         place.session != last.session && place.time_ns <= newest.time_ns
     }
 
-    /// The next place in order.
+    /// Position of the next item in order.
     pub(super) fn next_place(&self) -> Option<Place> {
         self.ordered.front().map(|placed| placed.place)
     }
 
-    /// Takes the next item in order.
+    /// Returns the next item in order.
     pub(super) fn take_next(&mut self) -> Option<T> {
         self.ordered.pop_front().map(|placed| placed.item)
     }
@@ -109,12 +109,12 @@ impl<T> ReorderBuffer<T> {
         self.ordered.len() + self.held.len()
     }
 
-    /// Takes the dropped items with the reasons.
+    /// Returns the dropped items with the reasons.
     pub(super) fn take_dropped(&mut self) -> std::vec::Drain<'_, (T, DropReason)> {
         self.dropped.drain(..)
     }
 
-    /// Takes all waiting items.
+    /// Returns all waiting items.
     pub(super) fn take_waiting(&mut self) -> impl Iterator<Item = T> + '_ {
         self.ordered.drain(..).chain(self.held.drain(..)).map(|placed| placed.item)
     }
@@ -133,7 +133,7 @@ impl<T> ReorderBuffer<T> {
         if place.time_ns > last.time_ns {
             return Verdict::Accept;
         }
-        // Earlier than the last item: with a later number its time is wrong, else it is late.
+        // The item is earlier than the last one. If its number is later, its time is wrong; otherwise it is late.
         let is_time_wrong = place.sequence > last.sequence;
         self.reject(place, if is_time_wrong { DropReason::BadTime } else { DropReason::Late })
     }
@@ -159,7 +159,7 @@ impl<T> ReorderBuffer<T> {
         self.recent.clear();
     }
 
-    /// Drops all waiting items, which would be later than everything that follows.
+    /// Drops all waiting items, because they are later than everything that follows.
     fn restart(&mut self) {
         let waiting = self.ordered.drain(..).chain(self.held.drain(..));
         self.dropped.extend(waiting.map(|placed| (placed.item, DropReason::NewSession)));

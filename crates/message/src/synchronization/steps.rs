@@ -1,8 +1,8 @@
 //! Gives each image pair its pattern step.
 //!
-//! In: pairs and pattern events. Out: pairs with their step. An event belongs to the pair whose exposure starts within half
-//! a frame period of it. A pair waits until an event arrives for it or for a later exposure. Without events, the step is the
-//! sequence number of camera 1 modulo N.
+//! In: pairs and pattern events. Out: pairs with their step. An event belongs to the pair whose exposure starts less
+//! than half a frame period before or after it. A pair waits until its event or that of a later exposure arrives.
+//! Without events, the step is the sequence number of camera 1 modulo N.
 
 use std::collections::VecDeque;
 
@@ -10,7 +10,7 @@ use crate::{Counts, DropReason};
 
 use super::events::{Origin, PatternEvents};
 use super::pairing::Pair;
-use super::{Settings, StepSource};
+use super::settings::{Settings, StepSource};
 
 /// A pair and its step.
 #[derive(Clone, Debug)]
@@ -38,12 +38,12 @@ impl<F> StepAssignment<F> {
         &mut self.events
     }
 
-    /// Takes a pair.
+    /// Adds a pair.
     pub(super) fn push(&mut self, pair: Pair<F>) {
         self.pairs.push_back(pair);
     }
 
-    /// The next pair with its step, once the step is known.
+    /// Returns the next pair with its step, once the step is known.
     pub(super) fn next_pair(&mut self, pattern: &mut Counts, pairing: &mut Counts) -> Option<SteppedPair<F>> {
         match self.settings.source {
             StepSource::Cycle => self.next_by_counting(pairing),
@@ -56,7 +56,7 @@ impl<F> StepAssignment<F> {
         self.pairs.len()
     }
 
-    /// Drops the oldest pair; `false` if there is none.
+    /// Drops the oldest pair. Returns `false` if there is none.
     pub(super) fn drop_oldest(&mut self, pairing: &mut Counts) -> bool {
         let is_dropped = self.pairs.pop_front().is_some();
         if is_dropped {
@@ -94,7 +94,7 @@ impl<F> StepAssignment<F> {
                     }
                     Err(reason) => pattern.drop_one(reason),
                 }
-                // The event belongs to this exposure and gives it no step, so the pair has none.
+                // The event of this exposure announces no valid step, so the pair has none.
                 self.drop_oldest(pairing);
             } else if event_ns < pair_ns {
                 self.events.drop_oldest(pattern);

@@ -1,7 +1,8 @@
-//! Makes windows of pairs: N or more consecutive pairs that show the steps in turn.
+//! Creates windows from pairs: N or more consecutive pairs that show the steps in turn.
 //!
-//! Windows slide: each pair after enough others without a gap completes one. A new run of pairs starts at a gap in the
-//! sequence numbers of a camera or of the projector, at a new session, at a pause, and at a step out of turn.
+//! Windows overlap: each pair that has enough predecessors without a gap completes a window. A new run of pairs starts
+//! at a gap in the sequence numbers of a camera or of the projector, at a new session, at a pause, and at a step out of
+//! turn.
 
 use std::collections::VecDeque;
 
@@ -10,27 +11,40 @@ use fringeflow_base::limits::MAX_IMAGES;
 use crate::{Counts, DropReason, Skew, Window};
 
 use super::pairing::Image;
+use super::settings::Settings;
 use super::steps::SteppedPair;
-use super::{Settings, WindowImages};
+
+/// The images of one window, in the order of their exposures.
+#[derive(Clone, Debug)]
+pub struct WindowImages<F> {
+    /// Sessions, numbers and times of the images.
+    pub window: Window,
+    /// Delay of the images of camera 2 after those of camera 1, mean over the pairs, nanoseconds.
+    pub skew_ns: i64,
+    /// Images of camera 1.
+    pub cam1: Vec<F>,
+    /// Images of camera 2.
+    pub cam2: Vec<F>,
+}
 
 /// The current run of pairs.
 #[derive(Debug)]
 pub(super) struct WindowBuilder<F> {
     settings: Settings,
-    /// The last pairs of the run, at most those of a window.
+    /// The last pairs of the run, at most as many as a window has.
     run: VecDeque<SteppedPair<F>>,
-    /// Place of the last pair in the run, counted so that step 0 is at a multiple of N.
-    place: usize,
-    /// Why the first pairs of the run complete no window.
+    /// Index of the last pair in the run, offset so that step 0 has a multiple of N.
+    index: usize,
+    /// Why the first pairs of the run do not complete a window.
     incomplete: DropReason,
 }
 
 impl<F: Clone> WindowBuilder<F> {
     pub(super) fn new(settings: Settings) -> Self {
-        Self { settings, run: VecDeque::new(), place: 0, incomplete: DropReason::Beginning }
+        Self { settings, run: VecDeque::new(), index: 0, incomplete: DropReason::Beginning }
     }
 
-    /// Takes a pair; the window that it completes, if the stride selects that window.
+    /// Adds a pair. Returns the window that it completes, if the stride selects that window.
     pub(super) fn push(&mut self, next: SteppedPair<F>, counts: &mut Counts) -> Option<WindowImages<F>> {
         counts.taken += 1;
         let broken = self.run.back().and_then(|last| self.break_between(last, &next));
@@ -39,7 +53,7 @@ impl<F: Clone> WindowBuilder<F> {
             let is_beginning = reason == DropReason::NewSession;
             self.incomplete = if is_beginning { DropReason::Beginning } else { DropReason::Incomplete };
         }
-        self.place = if self.run.is_empty() { next.step } else { self.place + 1 };
+        self.index = if self.run.is_empty() { next.step } else { self.index + 1 };
         while self.run.len() >= self.settings.images {
             self.run.pop_front();
         }
@@ -48,7 +62,7 @@ impl<F: Clone> WindowBuilder<F> {
             counts.drop_one(broken.unwrap_or(self.incomplete));
             return None;
         }
-        if !(self.place + 1).is_multiple_of(self.settings.window_stride) {
+        if !(self.index + 1).is_multiple_of(self.settings.window_stride) {
             counts.drop_one(DropReason::BetweenWindows);
             return None;
         }
@@ -70,7 +84,7 @@ impl<F: Clone> WindowBuilder<F> {
         if !next.pair.follows(&last.pair) || !apart_ns.is_some_and(|apart_ns| self.is_one_period(apart_ns)) {
             return Some(DropReason::Incomplete);
         }
-        // The times and numbers of the images are in order here, so only the pattern can still break the run.
+        // The times and numbers of the images are consecutive here, so only the pattern can still break the run.
         let in_turn = next.step == (last.step + 1) % self.settings.steps;
         (!in_turn || !next.origin.follows(&last.origin)).then_some(DropReason::PatternConflict)
     }
@@ -94,7 +108,7 @@ impl<F: Clone> WindowBuilder<F> {
             (exposures_ns().min().unwrap_or(0), exposures_ns().max().unwrap_or(0));
         let received_ns = |image: &Image<F>| image.header.received_ns;
         let window = Window {
-            // Set by the decoder.
+            // Set later by the decoder.
             prior: 0,
             cam1_session: session(0),
             cam2_session: session(1),

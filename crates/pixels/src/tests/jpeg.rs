@@ -1,4 +1,4 @@
-//! JPEG images, made by libjpeg at quality 95 from the luma below, and damaged ones.
+//! JPEG images, compressed with libjpeg at quality 95 from the luma below, and damaged ones.
 
 use proptest::prelude::*;
 
@@ -8,7 +8,7 @@ const SIZE_PX: [usize; 2] = [80, 72];
 const GREY: &[u8] = include_bytes!("grey.jpg");
 /// Colours at half the width and height.
 const COLOUR: &[u8] = include_bytes!("colour_420.jpg");
-/// Colours at half the width; no Huffman tables, as many cameras send it.
+/// Colours at half the width; without Huffman tables, as sent by many cameras.
 const WITHOUT_TABLES: &[u8] = include_bytes!("colour_422_without_tables.jpg");
 const PROGRESSIVE: &[u8] = include_bytes!("progressive.jpg");
 
@@ -16,22 +16,22 @@ fn luma() -> impl Iterator<Item = u8> {
     (0..SIZE_PX[1]).flat_map(|v| (0..SIZE_PX[0]).map(move |u| (20 + 2 * u + v) as u8))
 }
 
-/// Decodes twice, into zeros and into ones: all bytes must be written.
+/// Decodes twice, into zeros and into ones, to check that all bytes are written.
 fn decoded(source: &[u8], size_px: [usize; 2]) -> Result<Vec<u8>, UnpackError> {
     let [one, other] = [0, 255].map(|before| {
         let mut out = vec![before; size_px[0] * size_px[1]];
         unpack(SourceFormat::Mjpeg, source, 0, size_px, &mut out).map(|()| out)
     });
-    assert_eq!(one, other, "bytes are left unwritten");
+    assert_eq!(one, other, "some bytes were not written");
     one
 }
 
 #[test]
-fn the_luma_comes_back() {
+fn decoding_restores_the_luma() {
     for image in [GREY, COLOUR, WITHOUT_TABLES] {
-        let off = decoded(image, SIZE_PX).unwrap().into_iter().zip(luma()).map(|(a, b)| a.abs_diff(b)).max();
-        assert!(off.is_some_and(|off| off <= 2), "{off:?}");
-        // Drivers pad.
+        let difference = decoded(image, SIZE_PX).unwrap().into_iter().zip(luma()).map(|(a, b)| a.abs_diff(b)).max();
+        assert!(difference.is_some_and(|difference| difference <= 2), "{difference:?}");
+        // Drivers pad the image.
         let padded = [image, &[0; 50]].concat();
         assert_eq!(decoded(&padded, SIZE_PX), decoded(image, SIZE_PX));
     }
@@ -45,15 +45,15 @@ fn an_image_of_another_size_is_refused() {
 }
 
 #[test]
-fn a_cut_image_is_refused() {
+fn a_truncated_image_is_refused() {
     for image in [GREY, COLOUR, WITHOUT_TABLES] {
         for length in 0..image.len() {
             assert!(decoded(&image[..length], SIZE_PX).is_err(), "{length} of {} bytes", image.len());
         }
-        // Most of the scan is missing, the end is there.
+        // Most of the scan is missing, but the end marker exists.
         let scan = image.len() - image.windows(2).rev().position(|mark| mark == [0xff, 0xda]).unwrap();
-        let some = [&image[..scan + 20], &[0xff, 0xd9]].concat();
-        assert!(decoded(&some, SIZE_PX).is_err());
+        let shortened = [&image[..scan + 20], &[0xff, 0xd9]].concat();
+        assert!(decoded(&shortened, SIZE_PX).is_err());
     }
 }
 

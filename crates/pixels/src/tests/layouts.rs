@@ -1,4 +1,4 @@
-//! Examples of the kernel's documentation, and round trips through a packer.
+//! Examples from the documentation of the kernel, and round trips.
 
 use proptest::prelude::*;
 
@@ -15,13 +15,13 @@ fn greys(format: SourceFormat, row: &[u8], width_px: usize) -> Vec<u16> {
 
 fn unpacked(format: SourceFormat, source: &[u8], stride_bytes: usize, size_px: [usize; 2]) -> Vec<u16> {
     let bytes = format.pixel_format().bytes();
-    // Previous content must not show.
+    // The previous content of the buffer must not remain.
     let [zeros, ones] = [0, 0xff].map(|before| {
         let mut out = vec![before; size_px[0] * size_px[1] * bytes];
         unpack(format, source, stride_bytes, size_px, &mut out).unwrap();
         out
     });
-    assert_eq!(zeros, ones, "{format} leaves bytes unwritten");
+    assert_eq!(zeros, ones, "{format}: some bytes were not written");
     match bytes {
         1 => zeros.into_iter().map(u16::from).collect(),
         _ => zeros.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect(),
@@ -30,7 +30,7 @@ fn unpacked(format: SourceFormat, source: &[u8], stride_bytes: usize, size_px: [
 
 #[test]
 fn layouts_of_the_documentation() {
-    // Each bit of every grey level in the documentation, by hand.
+    // Each bit of every grey level in the documentation, written by hand.
     let cases: &[(&str, &[u8], &[u16])] = &[
         ("GREY", &[1, 2, 255], &[1, 2, 255]),
         ("Y10", &[0x34, 0x02, 0xff, 0x03], &[0x234, 0x3ff]),
@@ -74,7 +74,7 @@ fn luma_is_the_first_plane() {
     }
 }
 
-/// A row in the layout of a format, padded with ones to whole groups.
+/// Packs a row in the layout of a format, padded with ones to whole groups.
 fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
     let mut greys = greys.to_vec();
     greys.resize(greys.len().next_multiple_of(4), u16::MAX >> (16 - format.pixel_format().bits()));
@@ -82,7 +82,7 @@ fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
         let number = greys.iter().fold(0_u64, |number, &grey| number << bits | u64::from(grey));
         number.to_be_bytes()[8 - greys.len() * bits as usize / 8..].to_vec()
     };
-    // The low bits of the first pixel lie lowest.
+    // The low bits of the first pixel are stored in the lowest bits.
     let mipi = |greys: &[u16], low: u32| {
         let high = greys.iter().map(|grey| (grey >> low) as u8);
         let lows = greys.iter().rev().fold(0_u32, |number, &grey| number << low | u32::from(grey) & ((1 << low) - 1));
@@ -125,7 +125,7 @@ proptest! {
                 source.extend_from_slice(&packed(format, row)[..format.least_stride_bytes(width_px)]);
                 source.resize(start + stride_bytes, 0xa5);
             }
-            // A driver may leave out the gap after the last row.
+            // A driver may omit the gap after the last row.
             source.truncate(format.least_bytes([width_px, height_px], stride_bytes));
             prop_assert_eq!(unpacked(format, &source, stride_bytes, [width_px, height_px]), image, "{}", format);
         }

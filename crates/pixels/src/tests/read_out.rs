@@ -12,12 +12,12 @@ const SENSOR_PX: [usize; 2] = [72, 50];
 /// A region with odd corners, and the whole image.
 const REGIONS: [Option<[usize; 4]>; 2] = [Some([11, 7, 52, 38]), None];
 
-/// The bytes of an image, with rows that have gaps.
+/// Returns the bytes of an image whose rows have gaps, and its stride.
 fn source(format: SourceFormat) -> (Vec<u8>, usize) {
     let stride_bytes = format.least_stride_bytes(SENSOR_PX[0]) + 10;
     let len = format.least_bytes(SENSOR_PX, stride_bytes);
     let mut bytes: Vec<u8> = (0..len).map(|i| (i * i / 7 + i * 31) as u8).collect();
-    // No camera sets bits beyond its depth.
+    // Cameras do not set bits beyond their depth.
     if format.pixel_format().bytes() == 2 && format == format.pixel_format().into() {
         for value in bytes.as_chunks_mut::<2>().0 {
             *value = (u16::from_le_bytes(*value) & format.pixel_format().max_value()).to_le_bytes();
@@ -52,10 +52,10 @@ fn each_pixel_is_the_mean_of_its_square() {
                     1 => at(0, 0),
                     _ => (at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1)) / 4.0,
                 };
-                // Only means of 16 bits are rounded.
-                let off = (found[v * width + u] - mean).abs();
-                let most = if reader.pixel_format() == PixelFormat::Y16 { 0.5 / 256.0 } else { 0.0 };
-                assert!(off <= most, "{format}, {region:?} / {binning}, {u}, {v}: {off} off");
+                // Only the means of 16-bit values are rounded.
+                let error = (found[v * width + u] - mean).abs();
+                let tolerance = if reader.pixel_format() == PixelFormat::Y16 { 0.5 / 256.0 } else { 0.0 };
+                assert!(error <= tolerance, "{format}, {region:?} / {binning}, {u}, {v}: error {error}");
             }
         }
     }

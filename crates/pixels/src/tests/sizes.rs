@@ -1,4 +1,4 @@
-//! Names and codes; sizes that do not fit.
+//! Names and codes, and sizes that are refused.
 
 use proptest::prelude::*;
 
@@ -15,7 +15,7 @@ fn codes_and_names_are_those_of_v4l2() {
         assert_eq!(SourceFormat::from_code(format.code()), Some(format));
         assert_eq!(format.name().parse(), Ok(format));
     }
-    // V4L2_PIX_FMT_…, as the kernel's header computes them.
+    // V4L2_PIX_FMT_…, as computed by the header of the kernel.
     let codes = [("GREY", 0x5945_5247), ("Y16", 0x2036_3159), ("Y16_BE", 0xa036_3159), ("Y10BPACK", 0x4230_3159)];
     for (name, code) in codes {
         assert_eq!(name.parse::<SourceFormat>().unwrap().code(), code, "{name}");
@@ -23,7 +23,7 @@ fn codes_and_names_are_those_of_v4l2() {
     assert_eq!("MJPEG".parse(), Ok(SourceFormat::Mjpeg));
     assert_eq!(SourceFormat::from_code(u32::from_le_bytes(*b"RGB3")), None);
     let refused = "grey".parse::<SourceFormat>().unwrap_err().to_string();
-    assert!(refused.starts_with("\"grey\" is no pixel format that can be read; known are GREY, Y10, "), "{refused}");
+    assert!(refused.starts_with("\"grey\" is not a readable pixel format; it must be one of GREY, Y10, "), "{refused}");
     for format in PixelFormat::ALL {
         let source = SourceFormat::from(format);
         assert_eq!((source.pixel_format(), source.name(), source.code()), (format, format.name(), format.code()));
@@ -31,18 +31,18 @@ fn codes_and_names_are_those_of_v4l2() {
 }
 
 #[test]
-fn an_image_has_the_bytes_of_its_rows() {
+fn sizes_of_rows_and_images_are_correct() {
     let bytes = |name: &str, width_px| name.parse::<SourceFormat>().unwrap().least_stride_bytes(width_px);
     let of_1280 = ["GREY", "Y10", "Y10P", "Y12P", "Y14P", "YUYV", "NV12", "MJPG"].map(|name| bytes(name, 1280));
     assert_eq!(of_1280, [1280, 2560, 1600, 1920, 2240, 2560, 1280, 0]);
-    // Groups are whole.
+    // A row consists of whole groups.
     assert_eq!(["Y10P", "Y12P", "Y14P", "YUYV"].map(|name| bytes(name, 5)), [10, 9, 14, 12]);
     assert_eq!(SourceFormat::Y10Mipi.least_bytes([1280, 1024], 1664), 1023 * 1664 + 1600);
     assert_eq!(SourceFormat::Y16.least_bytes([usize::MAX, 2], usize::MAX), usize::MAX);
 }
 
 #[test]
-fn sizes_that_do_not_fit_are_refused_with_the_numbers() {
+fn wrong_sizes_are_refused_with_the_numbers() {
     let refused = |source: usize, stride_bytes, out: usize| {
         unpack(SourceFormat::Y10Mipi, &vec![0; source], stride_bytes, [8, 3], &mut vec![0; out]).unwrap_err()
     };
@@ -72,10 +72,10 @@ proptest! {
             let _ = unpack(format, &source, stride_bytes, [width_px, height_px], &mut vec![0; out]);
         }
         for format in raw_formats().filter(|_| width_px < 12 && height_px < 12) {
-            let mut place = vec![0; width_px * height_px * format.pixel_format().bytes()];
+            let mut buffer = vec![0; width_px * height_px * format.pixel_format().bytes()];
             let fits = stride_bytes >= format.least_stride_bytes(width_px)
                 && source.len() >= format.least_bytes([width_px, height_px], stride_bytes);
-            prop_assert_eq!(unpack(format, &source, stride_bytes, [width_px, height_px], &mut place).is_ok(), fits);
+            prop_assert_eq!(unpack(format, &source, stride_bytes, [width_px, height_px], &mut buffer).is_ok(), fits);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The unfinished chunk: copied small parts, and held buffers between them.
+//! The unfinished chunk: small parts that were copied, and held buffers between them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,7 +9,7 @@ use mcap::records::{MessageHeader, op};
 use super::records::{push_counted, push_record, short};
 use crate::recordable::Encoded;
 
-/// Channel, sequence number and two times before the content of a message.
+/// Size of the fields before the content of a message, bytes: channel, sequence number and two times.
 const MESSAGE_HEAD_BYTES: u64 = 2 + 4 + 8 + 8;
 
 /// Content of a message.
@@ -24,10 +24,10 @@ pub(crate) enum Content<'a> {
 /// Records that are not written yet.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
-    /// All bytes outside of held buffers.
+    /// All bytes that are not in held buffers.
     copied: Vec<u8>,
     buffers: Vec<Encoded>,
-    /// Held parts: number of `copied` bytes before the part, index of its buffer, range in the buffer.
+    /// Held parts: number of `copied` bytes before the part, index of its buffer, and range in the buffer.
     parts: Vec<(usize, usize, Range<usize>)>,
     bytes: u64,
     /// Times of the first and the last message.
@@ -51,7 +51,7 @@ impl Chunk {
         self.bounds_ns.unwrap_or_default()
     }
 
-    /// Takes a buffer; returns its index.
+    /// Adds a buffer and returns its index.
     pub(super) fn hold(&mut self, buffer: Encoded) -> usize {
         self.buffers.push(buffer);
         self.buffers.len() - 1
@@ -86,7 +86,7 @@ impl Chunk {
         }
     }
 
-    /// All bytes of the records in their order.
+    /// Returns all bytes of the records in their order.
     pub(super) fn pieces(&self) -> impl Iterator<Item = &[u8]> {
         let starts = std::iter::once(0).chain(self.parts.iter().map(|(before, ..)| *before));
         let ends = self.parts.iter().map(|(before, ..)| *before).chain([self.copied.len()]);
@@ -96,31 +96,31 @@ impl Chunk {
         copied.zip(parts).flat_map(|(copied, [encoded, held])| [copied, encoded, held])
     }
 
-    /// The checksum of the records.
+    /// Returns the checksum of the records.
     pub(super) fn crc(&self) -> Hasher {
         let mut crc = Hasher::new();
         self.pieces().for_each(|piece| crc.update(piece));
         crc
     }
 
-    /// The start of the chunk record, before the records.
+    /// Returns the start of the chunk record, up to the records.
     pub(super) fn head(&self, crc: u32) -> Vec<u8> {
         let mut head = Vec::new();
         push_record(&mut head, op::CHUNK, |out| {
             out.extend(self.bounds_ns().into_iter().flat_map(u64::to_le_bytes));
             out.extend(self.bytes.to_le_bytes());
             out.extend(crc.to_le_bytes());
-            // No compression.
+            // The name of the compression is empty: no compression.
             out.extend(short(0));
             out.extend(self.bytes.to_le_bytes());
         });
-        // The length of the chunk record includes the records, which are not part of the head.
+        // The length of the chunk record includes the records, which are not part of this head.
         let content = (head.len() - 9) as u64 + self.bytes;
         head[1..9].copy_from_slice(&content.to_le_bytes());
         head
     }
 
-    /// The message indexes after the chunk, which start at `offset` in the file, and the offset of each.
+    /// Returns the message indexes after the chunk, which start at `offset` in the file, and the offset of each.
     pub(super) fn indexes(&self, offset: u64) -> (Vec<u8>, BTreeMap<u16, u64>) {
         let mut out = Vec::new();
         let mut offsets = BTreeMap::new();
@@ -140,7 +140,7 @@ impl Chunk {
         (out, offsets)
     }
 
-    /// Empties the chunk. Returns its buffers, without the content that they held.
+    /// Empties the chunk and returns its buffers. Their held content is dropped.
     pub(super) fn clear(&mut self) -> impl Iterator<Item = Encoded> {
         self.copied.clear();
         self.parts.clear();

@@ -1,9 +1,9 @@
 //! Writes MCAP files: uncompressed chunks with checksums, indexes, and a summary at the end (mcap.dev/spec).
 //!
-//! In: messages, either as bytes that are copied, or as a buffer that is handed over. Out: the same bytes that the `mcap`
-//! crate writes, as the tests verify. The crate would copy each message twice, into a chunk and out of it, and compute its
-//! checksum twice. Here a buffer is written from where it is, with one checksum. Also, the file never contains a chunk
-//! without its length.
+//! In: messages, either as bytes that are copied, or as a buffer that is handed over. Out: the same bytes that the
+//! `mcap` crate writes, as verified by the tests. The crate would copy each message twice, into a chunk and out of it,
+//! and compute its checksum twice. Here a buffer is written directly, with one checksum. Also, the file never contains
+//! a chunk without its length.
 
 mod chunk;
 mod records;
@@ -21,30 +21,14 @@ use crate::recordable::Encoded;
 use chunk::Chunk;
 use records::{push_map, push_record, push_string};
 use summary::Summary;
+pub(super) use summary::{Attachment, Schema};
 
 pub(super) use chunk::Content;
 
-/// A chunk larger than this is closed.
+/// A chunk is closed when it is larger than this, bytes.
 const CHUNK_BYTES: u64 = 4 << 20;
 
-/// Schema of a channel.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Schema<'a> {
-    pub(super) name: &'a str,
-    pub(super) encoding: &'a str,
-    pub(super) data: &'a [u8],
-}
-
-/// An attachment.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Attachment<'a> {
-    pub(super) time_ns: u64,
-    pub(super) name: &'a str,
-    pub(super) media_type: &'a str,
-    pub(super) data: &'a [u8],
-}
-
-/// An unfinished file. It must not be used after an error.
+/// An unfinished file. After an error it must not be used any more.
 pub(super) struct McapWriter<W> {
     file: W,
     /// Number and checksum of the bytes written.
@@ -91,14 +75,15 @@ impl<W: Write> McapWriter<W> {
         self.summary.channels.insert(id, channel);
     }
 
-    /// Takes a buffer for the next messages; returns its index. The buffer is [`Self::released`] once they are in the file.
+    /// Adds a buffer for the next messages and returns its index. The buffer is [`Self::released`] once the messages
+    /// are in the file.
     pub(super) fn hold(&mut self, buffer: Encoded) -> io::Result<usize> {
-        // Both messages of a buffer must be in the chunk that holds it.
+        // Both messages of a buffer must be in the same chunk, which holds the buffer.
         self.close_full_chunk()?;
         Ok(self.chunk.hold(buffer))
     }
 
-    /// Adds a message of an added channel.
+    /// Adds a message of a channel that was added before.
     pub(super) fn message(&mut self, header: &MessageHeader, content: Content<'_>) -> io::Result<()> {
         if matches!(content, Content::Copied(_)) {
             self.close_full_chunk()?;
@@ -108,12 +93,12 @@ impl<W: Write> McapWriter<W> {
         Ok(())
     }
 
-    /// Buffers whose content was written to the file since the last call.
+    /// Returns the buffers whose content was written to the file since the last call.
     pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
         self.released.drain(..)
     }
 
-    /// Adds an attachment after everything so far.
+    /// Adds an attachment after everything written so far.
     pub(super) fn attach(&mut self, attachment: &Attachment<'_>) -> io::Result<()> {
         self.close_chunk()?;
         let mut record = Vec::with_capacity(attachment.data.len() + 256);
@@ -132,7 +117,7 @@ impl<W: Write> McapWriter<W> {
         self.write(&record)
     }
 
-    /// Adds metadata after everything so far.
+    /// Adds metadata after everything written so far.
     pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> io::Result<()> {
         self.close_chunk()?;
         let mut record = Vec::new();
@@ -167,7 +152,7 @@ impl<W: Write> McapWriter<W> {
         written
     }
 
-    /// Writes the end of the file; returns the file.
+    /// Writes the end of the file and returns the file.
     pub(super) fn finish(mut self) -> io::Result<W> {
         self.close_chunk()?;
         let crc = self.crc.clone().finalize();
@@ -195,7 +180,7 @@ impl<W: Write> McapWriter<W> {
 
 /// Writes all pieces in sequence, with as few system calls as possible.
 fn write_all_vectored(file: &mut impl Write, mut pieces: &mut [IoSlice<'_>]) -> io::Result<()> {
-    // Skip empty pieces first: writing nothing would look like a full disk.
+    // Empty pieces are skipped first, because writing zero bytes would look like a full disk.
     IoSlice::advance_slices(&mut pieces, 0);
     while !pieces.is_empty() {
         match file.write_vectored(pieces) {

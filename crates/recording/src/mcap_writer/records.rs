@@ -1,4 +1,4 @@
-//! Parts of records. Numbers are little-endian; texts and maps follow their length in bytes.
+//! Parts of records. Numbers are little-endian; texts and maps are preceded by their length in bytes.
 
 use std::collections::BTreeMap;
 
@@ -35,7 +35,7 @@ pub(super) fn push_numbers(out: &mut Vec<u8>, entries: &BTreeMap<u16, u64>) {
     push_counted(out, content, short);
 }
 
-/// Adds a length and then the content of this length.
+/// Adds content preceded by its length.
 pub(super) fn push_counted<const N: usize>(
     out: &mut Vec<u8>,
     content: impl FnOnce(&mut Vec<u8>),
@@ -48,7 +48,7 @@ pub(super) fn push_counted<const N: usize>(
     out[start..start + N].copy_from_slice(&bytes);
 }
 
-/// A length of 32 bits, enough for every part that has one.
+/// Converts a length to 32 bits, which is enough for every part that has one.
 pub(super) fn short(length: u64) -> [u8; 4] {
     (length as u32).to_le_bytes()
 }

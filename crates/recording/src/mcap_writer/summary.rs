@@ -6,9 +6,25 @@ use mcap::records::{MessageHeader, op};
 
 use super::chunk::Chunk;
 use super::records::{push_numbers, push_record, push_string, short};
-use super::{Attachment, Schema};
 
-/// The summary so far. Records are kept in their final form.
+/// Schema of a channel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Schema<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) encoding: &'a str,
+    pub(crate) data: &'a [u8],
+}
+
+/// An attachment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attachment<'a> {
+    pub(crate) time_ns: u64,
+    pub(crate) name: &'a str,
+    pub(crate) media_type: &'a str,
+    pub(crate) data: &'a [u8],
+}
+
+/// The summary so far. The records are already encoded.
 #[derive(Debug, Default)]
 pub(super) struct Summary {
     schemas: Vec<Vec<u8>>,
@@ -24,7 +40,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// The id of a schema, and whether the schema is new.
+    /// Returns the id of a schema, and whether the schema is new.
     pub(super) fn schema_id(&mut self, schema: Schema<'_>) -> (u16, bool) {
         let record = |id: u16| {
             let mut record = Vec::new();
@@ -48,7 +64,7 @@ impl Summary {
         )
     }
 
-    /// The record of the newest schema.
+    /// Returns the record of the newest schema.
     pub(super) fn last_schema(&self) -> &[u8] {
         self.schemas.last().map_or(&[], Vec::as_slice)
     }

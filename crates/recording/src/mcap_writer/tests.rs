@@ -1,4 +1,4 @@
-//! The `mcap` crate is the oracle: the same messages give the same file, byte for byte.
+//! The `mcap` crate is the reference: the same messages must give the same file, byte for byte.
 
 use std::io::Cursor;
 
@@ -81,14 +81,14 @@ impl Write for Pipe {
     }
 }
 
-/// Two messages. Most of the second is held.
+/// Encodes two messages. Most of the second one is held content.
 fn half_held(mut bytes: Vec<u8>, split: usize) -> Encoded {
     let content = bytes.split_off(split + (bytes.len() - split) / 3);
     let slot = HeldSlots::new(1).take().unwrap();
     Encoded { bytes, split, held: Some(HeldContent::new(content, slot)) }
 }
 
-/// The file, and the number of released buffers.
+/// Returns the file and the number of released buffers.
 fn written_by_us<W: Write>(steps: &[Step], file: W) -> (W, usize) {
     let mut writer = McapWriter::begin(file, "p", "l").unwrap();
     let mut released = 0;

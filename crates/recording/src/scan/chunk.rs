@@ -1,12 +1,12 @@
-//! Chunks: recognition, and the records of a chunk with a correct checksum.
+//! Chunks: recognizes them, and returns the records of a chunk with a correct checksum.
 
 use mcap::records::op;
 
-use super::damaged;
+use super::fault::damaged;
 use crate::RecordingProblem;
 use crate::fields::Fields;
 
-/// Bytes of a chunk before its records, without compression.
+/// Size of an uncompressed chunk before its records, bytes.
 pub(super) const CHUNK_HEAD_BYTES: u64 = 40;
 
 /// Whether these bytes can be the start of a chunk: uncompressed, with consistent lengths.
@@ -26,7 +26,7 @@ pub(super) fn looks_like_chunk(bytes: &[u8]) -> bool {
     lengths().unwrap_or(false)
 }
 
-/// The records of a chunk, and whether it has a checksum.
+/// Returns the records of a chunk, and whether it has a checksum.
 pub(super) fn chunk_records(body: &[u8], start: u64) -> Result<(&[u8], bool), RecordingProblem> {
     let mut fields = Fields(body);
     let parts = (|| {
@@ -38,12 +38,12 @@ pub(super) fn chunk_records(body: &[u8], start: u64) -> Result<(&[u8], bool), Re
         Some((uncompressed, crc, compression, fields.bytes(compressed)?))
     })();
     let (uncompressed, crc, compression, records) =
-        parts.ok_or_else(|| damaged(start, "a chunk claims more bytes than it has"))?;
+        parts.ok_or_else(|| damaged(start, "a chunk states more bytes than it has"))?;
     if !compression.is_empty() {
         return Err(RecordingProblem::Compressed { offset: start, compression: compression.to_owned() });
     }
     if uncompressed != records.len() || !fields.0.is_empty() {
-        return Err(damaged(start, "a chunk contradicts itself about its length"));
+        return Err(damaged(start, "the lengths in a chunk contradict each other"));
     }
     if crc != 0 && crc != crc32fast::hash(records) {
         return Err(damaged(start, "the checksum of a chunk is wrong"));

@@ -1,17 +1,18 @@
-//! The end of a file: its statistics and checksums are compared with the contents.
+//! The end of a file: compares its statistics and checksums with the contents.
 
 use std::collections::BTreeMap;
 
 use mcap::MAGIC;
 use mcap::records::op;
 
+use super::fault::damaged;
 use super::file::Reader;
-use super::{PRIVATE, Scan, damaged};
+use super::{PRIVATE, Scan};
 use crate::RecordingProblem;
 use crate::fields::Fields;
 
 impl Scan<'_, '_> {
-    /// Compares a checksum. After an earlier fault the checksum is wrong anyway, and is ignored.
+    /// Compares a checksum. After an earlier fault, the checksum does not match anyway and is ignored.
     pub(super) fn check_crc(
         &self,
         offset: u64,
@@ -25,7 +26,8 @@ impl Scan<'_, '_> {
         Err(damaged(offset, format!("the checksum of {what} is wrong")))
     }
 
-    /// Reads a record of the summary. Only the statistics matter; a full scan needs no repetitions and indexes.
+    /// Reads a record of the summary. Only the statistics are used; a full scan does not need the repeated records and
+    /// indexes.
     pub(super) fn summary(&mut self, opcode: u8, start: u64, body: &[u8]) -> Result<(), RecordingProblem> {
         match opcode {
             op::STATISTICS => self.statistics(start, body),
@@ -50,7 +52,7 @@ impl Scan<'_, '_> {
             Some((messages, counts, fields.count_map()?))
         })();
         let (messages, [attachments, metadata, chunks], channels) =
-            parts.ok_or_else(|| damaged(start, "the statistics are cut short"))?;
+            parts.ok_or_else(|| damaged(start, "the statistics are truncated"))?;
         self.contents.has_statistics = true;
         if !self.scanned.faults.is_empty() {
             return Ok(());
@@ -86,7 +88,7 @@ impl Scan<'_, '_> {
             fields.bytes(16)?;
             fields.u32()
         })();
-        let crc = parts.ok_or_else(|| damaged(start, "the footer is cut short"))?;
+        let crc = parts.ok_or_else(|| damaged(start, "the footer is truncated"))?;
         if !self.contents.has_ended {
             return Err(damaged(start, "the footer is before the end of the data"));
         }

@@ -1,4 +1,4 @@
-//! Reads the file of a scan: record by record, and after a fault the next intact chunk.
+//! Reads the file of a scan record by record. After a fault, searches for the next intact chunk.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -6,15 +6,17 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use mcap::records::op;
 
 use super::chunk::{CHUNK_HEAD_BYTES, chunk_records, looks_like_chunk};
-use super::{RECORD_HEAD_BYTES, damaged};
+use super::fault::damaged;
 use crate::RecordingProblem;
 
+/// Size of the opcode and length before each record, bytes.
+pub(super) const RECORD_HEAD_BYTES: u64 = 9;
 /// Maximum size of one record.
 const MAX_RECORD_BYTES: u64 = 1 << 30;
-/// Bytes searched at a time for the next intact chunk.
+/// Number of bytes searched at a time for the next intact chunk.
 const SEARCH_BYTES: usize = 1 << 20;
 
-/// The file, read forward, with the checksum of the current section.
+/// The file, read sequentially, with the checksum of the current section.
 pub(super) struct Reader<'f> {
     file: BufReader<&'f File>,
     pub(super) bytes: u64,
@@ -25,7 +27,7 @@ pub(super) struct Reader<'f> {
 }
 
 impl<'f> Reader<'f> {
-    /// A reader at the start of a file.
+    /// Creates a reader at the start of a file.
     pub(super) fn new(file: &'f File) -> Result<Self, RecordingProblem> {
         let bytes = file.metadata().map_err(RecordingProblem::Unreadable)?.len();
         let file = BufReader::with_capacity(SEARCH_BYTES, file);
@@ -39,7 +41,7 @@ impl<'f> Reader<'f> {
         self.file.seek(SeekFrom::Start(offset)).map(drop).map_err(RecordingProblem::Unreadable)
     }
 
-    /// Fills a buffer; `false` if the file ends before.
+    /// Fills a buffer. Returns `false` if the file ends before.
     pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<bool, RecordingProblem> {
         match self.file.read_exact(buffer) {
             Ok(()) => {
@@ -52,12 +54,12 @@ impl<'f> Reader<'f> {
         }
     }
 
-    /// Opcode and length of the next record.
+    /// Reads the opcode and length of the next record.
     pub(super) fn head(&mut self) -> Result<(u8, u64), RecordingProblem> {
         let start = self.offset;
         let unfinished = |within| RecordingProblem::Unfinished { offset: self.bytes, within };
         if start == self.bytes {
-            return Err(unfinished("after a whole record"));
+            return Err(unfinished("after a complete record"));
         }
         let mut head = [0; RECORD_HEAD_BYTES as usize];
         if !self.fill(&mut head)? {
@@ -71,7 +73,7 @@ impl<'f> Reader<'f> {
         if length > MAX_RECORD_BYTES {
             return Err(damaged(
                 start,
-                format!("a record claims {length} bytes; no record has over {MAX_RECORD_BYTES}"),
+                format!("a record states {length} bytes; a record has at most {MAX_RECORD_BYTES}"),
             ));
         }
         Ok((opcode, length))
@@ -80,7 +82,7 @@ impl<'f> Reader<'f> {
     /// Reads the content of a record.
     pub(super) fn body(&mut self, length: u64, body: &mut Vec<u8>) -> Result<(), RecordingProblem> {
         body.clear();
-        // The buffer grows with the bytes read, not with the stated length.
+        // The buffer grows with the bytes read, because the stated length may be wrong.
         let read = (&mut self.file).take(length).read_to_end(body).map_err(RecordingProblem::Unreadable)?;
         self.offset += read as u64;
         self.crc.update(body);
@@ -99,7 +101,7 @@ impl<'f> Reader<'f> {
         Ok(is_at_record)
     }
 
-    /// Goes to the next chunk with a correct checksum, from `from` on; `false` if there is none.
+    /// Seeks the next chunk with a correct checksum, from `from` on. Returns `false` if there is none.
     pub(super) fn find_chunk(&mut self, from: u64, body: &mut Vec<u8>) -> Result<bool, RecordingProblem> {
         let mut start = from;
         let mut window = Vec::new();
@@ -115,7 +117,7 @@ impl<'f> Reader<'f> {
                     return Ok(true);
                 }
             }
-            // The windows overlap by the head of a chunk, so that none is missed.
+            // The searched blocks overlap by the head of a chunk, so that no chunk is missed.
             start += (window.len().max(head) - head + 1) as u64;
         }
         Ok(false)

@@ -1,13 +1,15 @@
 //! Scans an MCAP file from start to end.
 //!
-//! In: a file. Out: its messages, attachments and metadata, each with its offset, and the faults of the file. A strict scan
-//! stops at the first fault. A tolerant scan continues at the next chunk with a correct checksum. The scan checks all
-//! checksums and the statistics at the end. Memory: the largest record.
+//! In: a file. Out: its messages, attachments and metadata, each with its offset, and the faults of the file. A strict
+//! scan stops at the first fault. A tolerant scan continues at the next chunk with a correct checksum. The scan checks
+//! all checksums and the statistics at the end. Memory: the largest record.
 //!
-//! The readers of the `mcap` crate stop at the first fault, report no byte offsets, and panic on some damaged records.
+//! The readers of the `mcap` crate are not used: they stop at the first fault, report no byte offsets, and panic on
+//! some damaged records.
 
 mod chunk;
 mod ending;
+mod fault;
 mod file;
 
 use std::collections::BTreeMap;
@@ -20,23 +22,22 @@ use crate::fields::Fields;
 use crate::recordable::Times;
 use crate::{RecordingProblem, Topic};
 use chunk::chunk_records;
-use file::Reader;
+use fault::damaged;
+use file::{RECORD_HEAD_BYTES, Reader};
 
-/// Opcode and length before each record.
-const RECORD_HEAD_BYTES: u64 = 9;
 /// First opcode of private records, which other programs may add.
 const PRIVATE: u8 = 0x80;
 
-/// Reaction of a scan to faults.
+/// How a scan handles faults.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ScanMode {
     /// The first fault ends the scan.
     Strict,
-    /// Faults are collected, and the scan goes on.
+    /// Faults are collected, and the scan continues.
     Tolerant,
 }
 
-/// A find of a scan.
+/// An item found by a scan.
 #[derive(Debug)]
 pub(super) enum Found<'a> {
     Message(FoundMessage<'a>),
@@ -44,7 +45,7 @@ pub(super) enum Found<'a> {
     Metadata { name: &'a str, entries: BTreeMap<String, String> },
 }
 
-/// A message of one of our topics.
+/// A message of a topic of Fringeflow.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FoundMessage<'a> {
     pub(super) topic: Topic,
@@ -55,7 +56,7 @@ pub(super) struct FoundMessage<'a> {
     pub(super) offset: u64,
 }
 
-/// Result of a scan, besides the finds.
+/// Result of a scan, in addition to the items found.
 #[derive(Debug, Default)]
 pub(super) struct Scanned {
     /// Faults of the file; empty after a strict scan.
@@ -66,10 +67,10 @@ pub(super) struct Scanned {
     pub(super) bytes: u64,
 }
 
-/// Takes the finds. An error ends the scan.
+/// Callback for the items found. If it returns an error, the scan ends.
 pub(super) type Visit<'v> = dyn FnMut(Found<'_>) -> Result<(), RecordingProblem> + 'v;
 
-/// Scans a file. `visit` takes the finds.
+/// Scans a file. Calls `visit` with each item found.
 pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result<Scanned, RecordingProblem> {
     let mut reader = Reader::new(file)?;
     let mut scan =
@@ -91,7 +92,8 @@ pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result
             Err(ScanError::Fault(problem)) if mode == ScanMode::Strict => return Err(problem),
             Err(ScanError::Fault(problem)) => {
                 scan.scanned.faults.push(problem);
-                // If the faulty record has a plausible length, the next record follows it. Else search for a chunk.
+                // If the faulty record has a plausible length, continue with the record after it. Otherwise search for
+                // the next chunk.
                 if !(reader.is_at_record()? || reader.find_chunk(start + 1, &mut body)?) {
                     return Ok(scan.scanned);
                 }
@@ -104,7 +106,7 @@ pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result
 enum ScanError {
     /// The file has a fault.
     Fault(RecordingProblem),
-    /// The visitor ended the scan.
+    /// The callback ended the scan.
     Visitor(RecordingProblem),
 }
 
@@ -114,11 +116,7 @@ impl From<RecordingProblem> for ScanError {
     }
 }
 
-fn damaged(offset: u64, what: impl Into<String>) -> RecordingProblem {
-    RecordingProblem::Damaged { offset, what: what.into() }
-}
-
-/// Contents of the file so far, to be compared with its statistics at the end.
+/// Contents of the file so far, to compare with the statistics at the end.
 #[derive(Debug, Default)]
 struct Contents {
     topics: BTreeMap<u16, Option<Topic>>,
@@ -138,7 +136,7 @@ struct Scan<'v, 'w> {
 }
 
 impl Scan<'_, '_> {
-    /// Reads one record; `false` after the last.
+    /// Reads one record. Returns `false` after the last.
     fn step(&mut self, reader: &mut Reader<'_>, body: &mut Vec<u8>) -> Result<bool, ScanError> {
         let start = reader.offset;
         // Checksums cover everything before the record that states them.
@@ -147,7 +145,7 @@ impl Scan<'_, '_> {
         reader.body(length, body)?;
         match opcode {
             op::DATA_END => {
-                let crc = Fields(body).u32().ok_or_else(|| damaged(start, "the end of the data is cut short"))?;
+                let crc = Fields(body).u32().ok_or_else(|| damaged(start, "the end-of-data record is truncated"))?;
                 self.check_crc(start, crc, crc_before, "the data")?;
                 self.contents.has_ended = true;
                 reader.crc = crc32fast::Hasher::new();
@@ -174,10 +172,10 @@ impl Scan<'_, '_> {
         let mut fields = Fields(records);
         while !fields.0.is_empty() {
             let offset = first_offset + (records.len() - fields.0.len()) as u64;
-            let cut = || damaged(offset, "a record in a chunk claims more bytes than the chunk has");
-            let opcode = fields.u8().ok_or_else(cut)?;
-            let length = fields.length().ok_or_else(cut)?;
-            let data = fields.bytes(length).ok_or_else(cut)?;
+            let truncated = || damaged(offset, "a record in a chunk states more bytes than the chunk has");
+            let opcode = fields.u8().ok_or_else(truncated)?;
+            let length = fields.length().ok_or_else(truncated)?;
+            let data = fields.bytes(length).ok_or_else(truncated)?;
             self.record(opcode, offset, offset + RECORD_HEAD_BYTES, data)?;
         }
         Ok(())
@@ -187,7 +185,7 @@ impl Scan<'_, '_> {
     fn record(&mut self, opcode: u8, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
         match opcode {
             op::SCHEMA => Ok(()),
-            op::CHANNEL => Ok(self.channel(body).ok_or_else(|| damaged(start, "a channel is cut short"))?),
+            op::CHANNEL => Ok(self.channel(body).ok_or_else(|| damaged(start, "a channel is truncated"))?),
             op::MESSAGE => self.message(start, body_offset, body),
             PRIVATE.. => Ok(()),
             _ => Err(damaged(start, format!("a record has the unknown code {opcode:#04x}")).into()),
@@ -205,11 +203,11 @@ impl Scan<'_, '_> {
     fn message(&mut self, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let head = (|| Some((fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?)))();
-        let (id, sequence, log_ns, publish_ns) = head.ok_or_else(|| damaged(start, "a message is cut short"))?;
+        let (id, sequence, log_ns, publish_ns) = head.ok_or_else(|| damaged(start, "a message is truncated"))?;
         *self.contents.messages.entry(id).or_default() += 1;
         let topic = match self.contents.topics.get(&id) {
             Some(topic) => *topic,
-            // Its channel record was lost with a damaged chunk, but the channels of our topics are fixed.
+            // The channel record was lost with a damaged chunk, but the channels of the known topics are fixed.
             None if !self.scanned.faults.is_empty() => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id),
             None => return Err(damaged(start, format!("a message is of the unknown channel {id}")).into()),
         };
@@ -236,8 +234,8 @@ impl Scan<'_, '_> {
             let data = fields.bytes(length)?;
             Some((log_ns, name, media_type, data, fields.u32()?))
         })();
-        let cut = || damaged(start, "an attachment claims more bytes than it has");
-        let (log_ns, name, media_type, data, crc) = parts.ok_or_else(cut)?;
+        let truncated = || damaged(start, "an attachment states more bytes than it has");
+        let (log_ns, name, media_type, data, crc) = parts.ok_or_else(truncated)?;
         if crc != 0 && crc != crc32fast::hash(body.get(..body.len() - 4).unwrap_or_default()) {
             return Err(damaged(start, format!("the checksum of attachment {name:?} is wrong")).into());
         }
@@ -249,7 +247,7 @@ impl Scan<'_, '_> {
     fn metadata(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let parts = (|| Some((fields.string()?, fields.text_map()?)))();
-        let (name, entries) = parts.ok_or_else(|| damaged(start, "metadata claim more bytes than they have"))?;
+        let (name, entries) = parts.ok_or_else(|| damaged(start, "metadata state more bytes than they have"))?;
         self.contents.metadata += 1;
         self.found(Found::Metadata { name, entries })
     }

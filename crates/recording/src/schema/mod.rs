@@ -1,7 +1,7 @@
-//! The schema `fringeflow.proto` of our own messages, its descriptor, and its structs.
+//! The schema `fringeflow.proto` of the messages of Fringeflow, its descriptor, and its structs.
 //!
-//! `protoc --descriptor_set_out` made `fringeflow.desc` of the schema; every recording contains it. `prost-build` made
-//! `fringeflow.rs` of the descriptor. Both are committed, so that a build needs no `protoc`.
+//! `protoc --descriptor_set_out` created `fringeflow.desc` from the schema; every recording contains it. `prost-build`
+//! generated `fringeflow.rs` from the descriptor. Both files are committed, so that a build does not need `protoc`.
 
 #[rustfmt::skip]
 #[allow(missing_docs, unreachable_pub)]

@@ -1,4 +1,4 @@
-//! Cut, flipped and forged files.
+//! Truncated, damaged and forged files.
 
 use std::collections::BTreeMap;
 
@@ -28,40 +28,40 @@ fn small_recording(folder: &Folder) -> Vec<u8> {
     std::fs::read(recorder.finish().unwrap().file).unwrap()
 }
 
-/// Opens a file and reads everything in it; `true` if there was no error.
+/// Opens a file and reads everything in it. Returns `true` if there was no error.
 fn read_through(path: &Path) -> bool {
     Recording::open(path).is_ok_and(|recording| recording.messages().all(|message| message.is_ok()))
 }
 
 #[test]
-fn a_flipped_byte_anywhere_is_found() {
+fn a_changed_byte_is_found_at_any_position() {
     let folder = Folder::new();
     let intact = small_recording(&folder);
     let path = folder.path("flipped.mcap");
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for round in 0..600 {
         let mut bytes = intact.clone();
-        let places: Vec<usize> = (0..1 + round % 4).map(|_| random.random_range(0..bytes.len())).collect();
-        places.iter().for_each(|&place| bytes[place] ^= random.random_range(1..=255));
+        let positions: Vec<usize> = (0..1 + round % 4).map(|_| random.random_range(0..bytes.len())).collect();
+        positions.iter().for_each(|&position| bytes[position] ^= random.random_range(1..=255));
         std::fs::write(&path, &bytes).unwrap();
-        assert!(bytes == intact || !read_through(&path), "flips at {places:?} went unnoticed");
+        assert!(bytes == intact || !read_through(&path), "changes at {positions:?} were not noticed");
     }
 }
 
 #[test]
-fn a_cut_file_is_unfinished_wherever_it_is_cut() {
+fn a_file_truncated_at_any_position_is_unfinished() {
     let folder = Folder::new();
     let intact = small_recording(&folder);
     let path = folder.path("cut.mcap");
     for end in (0..intact.len()).step_by(997) {
         std::fs::write(&path, &intact[..end]).unwrap();
         let problem = problem(&path);
-        let is_named = match problem {
+        let is_as_expected = match problem {
             RecordingProblem::NotMcap => end < 8,
             RecordingProblem::Unfinished { offset, .. } => offset == end as u64,
             _ => false,
         };
-        assert!(is_named, "cut at {end}: {problem}");
+        assert!(is_as_expected, "truncated at {end}: {problem}");
     }
     std::fs::write(&path, [intact.as_slice(), b"more"].concat()).unwrap();
     assert!(matches!(problem(&path), RecordingProblem::Damaged { .. }));
@@ -80,7 +80,7 @@ fn format(version: &str) -> BTreeMap<String, String> {
 }
 
 #[test]
-fn a_newer_format_is_refused_before_anything_else() {
+fn a_newer_format_is_refused_first() {
     let folder = Folder::new();
     let path = recording_of(&folder, |writer| writer.metadata(METADATA, &format("2")).unwrap());
     let message = Recording::open(&path).unwrap_err().to_string();
@@ -92,7 +92,7 @@ fn a_newer_format_is_refused_before_anything_else() {
 }
 
 #[test]
-fn missing_parts_are_named() {
+fn missing_parts_are_reported() {
     let folder = Folder::new();
     let path = recording_of(&folder, |_| ());
     assert!(matches!(problem(&path), RecordingProblem::Missing { what: "metadata fringeflow" }));
@@ -102,7 +102,7 @@ fn missing_parts_are_named() {
 }
 
 #[test]
-fn an_invalid_calibration_is_named_with_its_field() {
+fn an_invalid_calibration_is_reported_with_its_field() {
     let folder = Folder::new();
     let text = &setup().text;
     let path = recording_of(&folder, |writer| {
@@ -116,7 +116,7 @@ fn an_invalid_calibration_is_named_with_its_field() {
 }
 
 #[test]
-fn headers_without_messages_are_named() {
+fn headers_without_messages_are_reported() {
     let folder = Folder::new();
     let write = |writer: &mut RecordingWriter, topic, data: &[u8]| {
         writer.metadata(METADATA, &format("1")).unwrap();
@@ -158,7 +158,7 @@ fn too_long_records_are_refused_without_allocation() {
 }
 
 #[test]
-fn other_files_are_no_recordings() {
+fn other_files_are_not_recordings() {
     let folder = Folder::new();
     let path = folder.path("text.mcap");
     for bytes in [&b""[..], b"ply\nformat", &[0; 64]] {

@@ -1,4 +1,4 @@
-//! Whole recordings: messages read back, losses are counted, and no file makes the reader panic.
+//! Complete recordings: messages are read unchanged, losses are counted, and no file makes the reader panic.
 
 mod content;
 mod hostile;
@@ -58,7 +58,7 @@ fn start_recording(folder: &Folder, name: &str) -> Recorder {
     Recorder::create(&folder.path(name), &opening(&Origin::default()), DEFAULT_QUEUE_BYTES).unwrap()
 }
 
-/// Ends a recording and opens it.
+/// Finishes a recording and opens it.
 fn finished(recorder: Recorder) -> Recording {
     Recording::open(&recorder.finish().unwrap().file).unwrap()
 }

@@ -1,11 +1,11 @@
-//! The recorder loses nothing silently, and no partial file has the name of a recording.
+//! The recorder reports every loss, and a partial file never has the name of a recording.
 
 use fringeflow::cloud::RECORD_BYTES;
 
 use super::*;
 
 #[test]
-fn a_full_queue_loses_messages_and_says_so_in_the_file() {
+fn messages_lost_by_a_full_queue_are_reported_in_the_file() {
     let folder = Folder::new();
     let origin = Origin::here();
     let image = frame_bytes(&frame(1, 0));

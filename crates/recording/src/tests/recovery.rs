@@ -1,4 +1,4 @@
-//! Recovery saves exactly the data with a correct checksum, after a killed recorder or a damaged disk.
+//! Recovery keeps exactly the data with a correct checksum, after a killed recorder or a damaged disk.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use super::*;
 use crate::recordable::Encoded;
 use crate::writer::RecordingWriter;
 
-/// Image pairs of the recording, each in a chunk of its own.
+/// Number of image pairs of the recording; each pair has its own chunk.
 const PAIRS: u64 = 6;
 
 fn chunked_recording(folder: &Folder) -> Vec<u8> {
@@ -43,12 +43,12 @@ fn recovered(folder: &Folder, bytes: &[u8]) -> Option<(Recovered, Result<Recordi
     Some((recovered, Recording::open(&target)))
 }
 
-/// Asserts that every image was recorded like this; the number of images.
-fn count_genuine_images(recording: &Recording) -> usize {
+/// Returns the number of images. Asserts that each of them is as recorded.
+fn count_images(recording: &Recording) -> usize {
     let mut count = 0;
     for topic in [Topic::Cam1Frame, Topic::Cam2Frame] {
         for message in recording.messages_of(topic) {
-            let Content::Frame(header, bytes) = message.unwrap().content else { panic!("an image") };
+            let Content::Frame(header, bytes) = message.unwrap().content else { panic!("the message is not an image") };
             assert_eq!(header, frame(header.camera, header.sequence));
             assert!(bytes == frame_bytes(&header));
             count += 1;
@@ -58,54 +58,54 @@ fn count_genuine_images(recording: &Recording) -> usize {
 }
 
 #[test]
-fn a_whole_file_is_recovered_whole() {
+fn an_intact_file_is_recovered_completely() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let (report, recording) = recovered(&folder, &bytes).unwrap();
     assert_eq!((report.faults.len(), report.left_out, report.missing.len()), (0, 0, 0));
     let recording = recording.unwrap();
-    assert_eq!(count_genuine_images(&recording), 2 * PAIRS as usize);
+    assert_eq!(count_images(&recording), 2 * PAIRS as usize);
     assert_eq!(*recording.setup(), *setup());
     assert_eq!((recording.lost_messages(), recording.recorder_account()["ended"].as_str()), (Some(0), "recovered"));
 }
 
 #[test]
-fn every_complete_chunk_of_a_cut_file_is_saved() {
+fn every_complete_chunk_of_a_truncated_file_is_recovered() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let mut saved_before = 0;
     for end in (0..=bytes.len()).step_by(997) {
         let Some((report, recording)) = recovered(&folder, &bytes[..end]) else {
-            assert!(end < 8, "cut at {end}");
+            assert!(end < 8, "truncated at {end}");
             continue;
         };
-        assert_eq!(report.faults.len(), 1, "cut at {end}");
+        assert_eq!(report.faults.len(), 1, "truncated at {end}");
         assert!(report.faults[0].contains("the file ends at byte"), "{}", report.faults[0]);
         let Ok(recording) = recording else {
-            assert!(!report.missing.is_empty(), "cut at {end}");
+            assert!(!report.missing.is_empty(), "truncated at {end}");
             continue;
         };
-        let saved = count_genuine_images(&recording);
-        assert!(saved >= saved_before && saved.is_multiple_of(2), "cut at {end}: {saved} images");
+        let saved = count_images(&recording);
+        assert!(saved >= saved_before && saved.is_multiple_of(2), "truncated at {end}: {saved} images");
         saved_before = saved;
     }
     assert_eq!(saved_before, 2 * PAIRS as usize);
 }
 
 #[test]
-fn a_damaged_chunk_costs_only_itself() {
+fn a_damaged_chunk_affects_no_other_chunk() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let chunk = find(&bytes, &frame_bytes(&frame(1, 2))) - 400;
-    // In its data first, then in its opcode and its length.
+    // First in its data, then in its opcode and its length.
     let (report, recording) = recovered(&folder, &flipped(&bytes, chunk + 600)).unwrap();
     let recording = recording.unwrap();
-    assert_eq!(count_genuine_images(&recording), 2 * (PAIRS - 1) as usize);
+    assert_eq!(count_images(&recording), 2 * (PAIRS - 1) as usize);
     assert_eq!((report.faults.len(), recording.lost_messages()), (1, Some(2)), "{:?}", report.faults);
     let head = chunk_head(&bytes, chunk);
-    for place in [head, head + 1, head + 5, head + 8] {
-        let (report, recording) = recovered(&folder, &flipped(&bytes, place)).unwrap();
-        assert_eq!(count_genuine_images(&recording.unwrap()), 2 * (PAIRS - 1) as usize, "byte {place}");
+    for position in [head, head + 1, head + 5, head + 8] {
+        let (report, recording) = recovered(&folder, &flipped(&bytes, position)).unwrap();
+        assert_eq!(count_images(&recording.unwrap()), 2 * (PAIRS - 1) as usize, "byte {position}");
         assert!(!report.faults.is_empty());
     }
 }
@@ -114,46 +114,46 @@ fn find(bytes: &[u8], part: &[u8]) -> usize {
     bytes.windows(part.len()).position(|window| window == part).unwrap()
 }
 
-fn flipped(bytes: &[u8], place: usize) -> Vec<u8> {
+fn flipped(bytes: &[u8], position: usize) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
-    bytes[place] ^= 0x40;
+    bytes[position] ^= 0x40;
     bytes
 }
 
-/// The last chunk record that begins before a place: code 6, its length, and no compression.
+/// Returns the start of the last chunk record before a position: opcode 6, a consistent length, and no compression.
 fn chunk_head(bytes: &[u8], before: usize) -> usize {
-    let is_head = |at: &usize| {
-        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap());
-        let records = u64::from_le_bytes(bytes[at + 25..at + 33].try_into().unwrap());
-        bytes[*at] == 6 && length == records + 40
+    let is_head = |start: &usize| {
+        let length = u64::from_le_bytes(bytes[start + 1..start + 9].try_into().unwrap());
+        let records = u64::from_le_bytes(bytes[start + 25..start + 33].try_into().unwrap());
+        bytes[*start] == 6 && length == records + 40
     };
     (0..before + 400).rev().find(is_head).unwrap()
 }
 
 #[test]
-fn nothing_altered_is_saved_and_no_file_makes_it_panic() {
+fn altered_data_is_never_recovered_and_no_file_causes_a_panic() {
     let folder = Folder::new();
     let bytes = chunked_recording(&folder);
     let mut random = ChaCha8Rng::seed_from_u64(11);
     for round in 0..200 {
         let mut damaged = bytes.clone();
         for _ in 0..1 + round % 4 {
-            let place = random.random_range(0..damaged.len());
-            damaged[place] ^= random.random_range(1..=255);
+            let position = random.random_range(0..damaged.len());
+            damaged[position] ^= random.random_range(1..=255);
         }
         if round % 3 == 0 {
             damaged.truncate(random.random_range(0..damaged.len()));
         }
         let Some((report, recording)) = recovered(&folder, &damaged) else { continue };
         match recording {
-            Ok(recording) => drop(count_genuine_images(&recording)),
+            Ok(recording) => drop(count_images(&recording)),
             Err(error) => assert!(!report.missing.is_empty(), "{error}; {report:?}"),
         }
     }
 }
 
 #[test]
-fn flushed_messages_of_a_killed_recorder_are_saved() {
+fn flushed_messages_of_a_killed_recorder_are_recovered() {
     let folder = Folder::new();
     let recorder = start_recording(&folder, "a.mcap");
     for sequence in 0..PAIRS {
@@ -171,7 +171,7 @@ fn flushed_messages_of_a_killed_recorder_are_saved() {
     let left = std::fs::read(folder.path("a.mcap.part")).unwrap();
     let (report, recording) = recovered(&folder, &left).unwrap();
     let recording = recording.unwrap();
-    assert_eq!(count_genuine_images(&recording), 2 * PAIRS as usize);
+    assert_eq!(count_images(&recording), 2 * PAIRS as usize);
     assert_eq!((report.left_out, recording.lost_messages()), (0, None));
     assert!(recording.check(|| ()).unwrap().has_losses());
 }

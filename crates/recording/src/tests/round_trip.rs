@@ -1,4 +1,4 @@
-//! Everything reads back as it was written, to the last bit.
+//! Everything is read as it was written, to the last bit.
 
 use fringeflow::cloud::RECORD_BYTES;
 use fringeflow_dataset::CameraId;
@@ -6,7 +6,7 @@ use fringeflow_dataset::CameraId;
 use super::*;
 
 #[test]
-fn every_message_reads_back_unchanged() {
+fn every_message_is_read_unchanged() {
     let folder = Folder::new();
     let recorder = start_recording(&folder, "a.mcap");
     let (first, second) = (frame(1, 11), frame(2, 21));
@@ -84,7 +84,7 @@ fn held_images_are_recorded_like_copied_ones() {
 }
 
 #[test]
-fn messages_come_in_the_order_of_their_times() {
+fn messages_are_read_in_the_order_of_their_times() {
     let folder = Folder::new();
     let recorder = start_recording(&folder, "a.mcap");
     for time_ns in [30, 10, 20, 10] {
@@ -97,7 +97,7 @@ fn messages_come_in_the_order_of_their_times() {
 }
 
 #[test]
-fn a_recording_carries_setup_configuration_and_origin() {
+fn a_recording_contains_setup_configuration_and_origin() {
     let folder = Folder::new();
     let origin = Origin::here();
     let recorder = Recorder::create(&folder.path("a.mcap"), &opening(&origin), DEFAULT_QUEUE_BYTES).unwrap();
@@ -133,7 +133,7 @@ fn deep_images_keep_their_bytes_and_their_format() {
     let header = FrameHeader { pixel_format: PixelFormat::Y12.code(), stride_bytes: 136, ..frame(1, 11) };
     let bytes = frame_bytes(&header);
     recorder.push(&Recordable::Frame { header: &header, image: &bytes });
-    // Rows would overlap.
+    // With this stride the rows would overlap.
     let narrow = FrameHeader { stride_bytes: 127, ..header };
     recorder.push(&Recordable::Frame { header: &narrow, image: &frame_bytes(&narrow) });
     let recorded = recorder.finish().unwrap();
@@ -166,7 +166,7 @@ fn an_imported_dataset_has_its_images_steps_setup_and_truth() {
 }
 
 #[test]
-fn the_same_dataset_is_the_same_bytes() {
+fn the_same_dataset_gives_the_same_bytes() {
     let folders = [Folder::new(), Folder::new()];
     let [a, b] = folders.each_ref().map(|folder| std::fs::read(imported(folder)).unwrap());
     assert!(a == b);

@@ -18,7 +18,7 @@ fn descriptor() -> BTreeMap<String, DescriptorProto> {
     file.message_type.iter().map(|message| (message.name().to_owned(), message.clone())).collect()
 }
 
-/// Messages of the schema text, with name and number of each field.
+/// Returns the messages of the schema text, with name and number of each field.
 fn fields_of_text() -> BTreeMap<String, BTreeMap<String, i32>> {
     let mut messages = BTreeMap::new();
     let mut message = String::new();
@@ -56,7 +56,7 @@ fn every_field_is_documented() {
     }
 }
 
-/// Field numbers on the wire, in order, without repetitions.
+/// Returns the field numbers on the wire, in order, without repetitions.
 fn numbers_on_the_wire(mut bytes: &[u8]) -> Vec<i32> {
     let mut numbers = Vec::new();
     while !bytes.is_empty() {

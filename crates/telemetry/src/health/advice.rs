@@ -9,17 +9,17 @@ impl Quantity {
         match self {
             Self::Drift => "calibrate again; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
             Self::DeltaSd => "calibration and images may not belong together, or the scanner moves too fast",
-            Self::DeltaNoise => "more light, slower motion, or a linear projector",
+            Self::DeltaNoise => "use more light, move more slowly, or make the projector linear",
             Self::DeltaMean => "set pattern.phase_offset_rad, or check that projector and cameras are in step",
             Self::ResidualCam1 | Self::ResidualCam2 => {
                 "check exposure and gamma, move more slowly, and check that each image shows its declared phase shift"
             }
             Self::HarmonicsCam1 | Self::HarmonicsCam2 => "make the projector linear (its gamma), or lower the exposure",
             Self::SaturatedCam1 | Self::SaturatedCam2 => "lower the exposure, the gain or the light",
-            Self::DimCam1 | Self::DimCam2 => "raise the exposure or the light, or come nearer",
-            Self::Skew => "trigger both cameras together",
+            Self::DimCam1 | Self::DimCam2 => "raise the exposure or the light, or move closer",
+            Self::Skew => "trigger both cameras by one signal",
             Self::Motion | Self::OneSurface | Self::Lost => "move more slowly, or take images faster",
-            Self::Brightness => "keep exposure and light constant, and other light out",
+            Self::Brightness => "keep exposure and light constant, and shield from other light",
             Self::Slipped => "check the trigger between projector and cameras",
             Self::Unexplained => {
                 "calibration and images may not belong together, or most of the scene lies far outside the measurement \

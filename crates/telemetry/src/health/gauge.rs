@@ -6,10 +6,11 @@ use fringeflow_message::GaugeReport;
 
 use super::{Averaging, HealthLimits, HealthState, Limits, Quantity};
 
-/// A quantity with its level over the last windows, and its state.
+/// A quantity, its level over the last windows, and its state.
 ///
-/// The state rises as soon as the level exceeds a limit. It falls when the level is below `release_share` of that limit, so
-/// neither a single window nor a level near a limit makes it flicker. It is not known before there are enough windows.
+/// The state rises as soon as the level exceeds a limit. It falls when the level drops below `release_share` of that
+/// limit. So neither a single window nor a level near a limit makes it flicker. The state is unknown until there are
+/// enough windows.
 #[derive(Clone, Debug)]
 pub struct Gauge {
     quantity: Quantity,
@@ -19,7 +20,7 @@ pub struct Gauge {
 }
 
 impl Gauge {
-    /// A gauge without any window.
+    /// Creates a gauge without windows.
     #[must_use]
     pub fn new(quantity: Quantity, limits: &HealthLimits) -> Self {
         let Limits { warn, bad } = limits.limits_of(quantity);
@@ -30,7 +31,7 @@ impl Gauge {
         }
     }
 
-    /// Adds the value of the next window, which was measured at a time in nanoseconds.
+    /// Adds the value of the next window, measured at `time_ns`.
     pub fn add(&mut self, time_ns: u64, value: f64, limits: &HealthLimits) {
         if self.recent.len() == limits.windows {
             self.recent.pop_front();
@@ -47,13 +48,13 @@ impl Gauge {
         }
     }
 
-    /// Its level, limits and state.
+    /// Level, limits and state.
     #[must_use]
     pub fn report(&self) -> GaugeReport {
         self.report
     }
 
-    /// Its state.
+    /// State of the quantity.
     #[must_use]
     pub fn state(&self) -> HealthState {
         HealthState::from_code(self.report.state)
@@ -68,7 +69,7 @@ impl Gauge {
     }
 
     fn state_at(&self, level: f64, release_share: f64) -> HealthState {
-        // A state that holds already ends only below a share of its limit.
+        // The present state ends only when the level drops below a share of its limit.
         let holds =
             |state: HealthState, limit: f64| level > limit || (self.state() >= state && level >= release_share * limit);
         if holds(HealthState::Bad, self.report.bad) {
@@ -81,7 +82,7 @@ impl Gauge {
     }
 }
 
-/// The median of some values, the lower of the two middle ones; `None` without any.
+/// Returns the median, for an even count the lower of the two middle values; `None` if there are no values.
 #[must_use]
 pub fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     let mut sorted: Vec<f64> = values.collect();
@@ -100,8 +101,8 @@ mod tests {
         (Gauge::new(quantity, &limits), limits)
     }
 
-    /// The state after each of some windows.
-    fn course((gauge, limits): &mut (Gauge, HealthLimits), values: &[f64]) -> Vec<HealthState> {
+    /// States after each of the windows.
+    fn states_after((gauge, limits): &mut (Gauge, HealthLimits), values: &[f64]) -> Vec<HealthState> {
         let mut add = |&value: &f64| {
             gauge.add(7, value, limits);
             gauge.state()
@@ -110,37 +111,40 @@ mod tests {
     }
 
     #[test]
-    fn it_takes_the_median_of_five_windows_and_single_ones_raise_nothing() {
-        assert_eq!(course(&mut gauge(Quantity::Drift), &[0.2; 5]), [NotKnown, NotKnown, NotKnown, NotKnown, Warn]);
+    fn the_level_is_the_median_and_single_windows_do_not_raise_it() {
+        assert_eq!(
+            states_after(&mut gauge(Quantity::Drift), &[0.2; 5]),
+            [NotKnown, NotKnown, NotKnown, NotKnown, Warn]
+        );
         let mut spiked = gauge(Quantity::Drift);
         let spikes = [0.04, 0.5, 0.04, 0.5, 0.04, 0.5, 0.04, 0.5, 0.04, 0.04, 0.5, 0.04];
-        assert!(course(&mut spiked, &spikes)[4..].iter().all(|&state| state == Ok));
+        assert!(states_after(&mut spiked, &spikes)[4..].iter().all(|&state| state == Ok));
         assert_eq!(spiked.0.report().known(), Some(0.04));
     }
 
     #[test]
-    fn a_level_about_a_limit_does_not_flicker() {
+    fn a_level_near_a_limit_does_not_flicker() {
         let mut gauge = gauge(Quantity::Drift);
-        assert_eq!(course(&mut gauge, &[0.12; 9])[8], Warn);
-        let about = [[0.099; 9], [0.101; 9], [0.085; 9]].concat();
-        assert!(course(&mut gauge, &about).iter().all(|&state| state == Warn));
-        assert_eq!(course(&mut gauge, &[0.079; 5]), [Warn, Warn, Warn, Warn, Ok]);
-        assert!(course(&mut gauge, &[0.099; 20]).iter().all(|&state| state == Ok));
+        assert_eq!(states_after(&mut gauge, &[0.12; 9])[8], Warn);
+        let near_limit = [[0.099; 9], [0.101; 9], [0.085; 9]].concat();
+        assert!(states_after(&mut gauge, &near_limit).iter().all(|&state| state == Warn));
+        assert_eq!(states_after(&mut gauge, &[0.079; 5]), [Warn, Warn, Warn, Warn, Ok]);
+        assert!(states_after(&mut gauge, &[0.099; 20]).iter().all(|&state| state == Ok));
     }
 
     #[test]
     fn it_rises_to_bad_at_once_and_falls_through_warn() {
         let mut gauge = gauge(Quantity::Drift);
-        assert_eq!(course(&mut gauge, &[0.04; 9])[8], Ok);
-        assert_eq!(course(&mut gauge, &[0.4; 5]), [Ok, Ok, Ok, Ok, Bad]);
-        assert!(course(&mut gauge, &[0.25; 18]).iter().all(|&state| state == Bad));
-        assert_eq!(course(&mut gauge, &[0.2; 9])[8], Warn);
-        assert!(course(&mut gauge, &[0.29; 18]).iter().all(|&state| state == Warn));
-        assert_eq!(course(&mut gauge, &[0.0; 9])[8], Ok);
+        assert_eq!(states_after(&mut gauge, &[0.04; 9])[8], Ok);
+        assert_eq!(states_after(&mut gauge, &[0.4; 5]), [Ok, Ok, Ok, Ok, Bad]);
+        assert!(states_after(&mut gauge, &[0.25; 18]).iter().all(|&state| state == Bad));
+        assert_eq!(states_after(&mut gauge, &[0.2; 9])[8], Warn);
+        assert!(states_after(&mut gauge, &[0.29; 18]).iter().all(|&state| state == Warn));
+        assert_eq!(states_after(&mut gauge, &[0.0; 9])[8], Ok);
     }
 
     #[test]
-    fn it_reports_since_when() {
+    fn the_report_says_when_the_state_began() {
         let (mut gauge, limits) = gauge(Quantity::Drift);
         (0..20).for_each(|time_ns| gauge.add(time_ns, if time_ns < 10 { 0.0 } else { 0.2 }, &limits));
         assert_eq!((gauge.state(), gauge.report().since_ns), (Warn, 14));
@@ -149,7 +153,7 @@ mod tests {
     #[test]
     fn each_slipped_window_counts() {
         let mut gauge = gauge(Quantity::Slipped);
-        assert_eq!(course(&mut gauge, &[0.0; 9])[8], Ok);
-        assert_eq!(course(&mut gauge, &[1.0, 1.0, 1.0, 1.0]), [Warn, Warn, Bad, Bad]);
+        assert_eq!(states_after(&mut gauge, &[0.0; 9])[8], Ok);
+        assert_eq!(states_after(&mut gauge, &[1.0, 1.0, 1.0, 1.0]), [Warn, Warn, Bad, Bad]);
     }
 }

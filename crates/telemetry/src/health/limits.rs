@@ -2,30 +2,30 @@
 
 use super::Quantity;
 
-/// Levels above which a quantity is out of order; `warn` is below `bad`.
+/// Limits of a quantity; `warn` is below `bad`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// A level above is [`super::HealthState::Warn`].
+    /// Above this level the state is [`super::HealthState::Warn`].
     pub warn: f64,
-    /// A level above is [`super::HealthState::Bad`].
+    /// Above this level the state is [`super::HealthState::Bad`].
     pub bad: f64,
 }
 
-/// Limits of all quantities, and how levels and states follow from windows.
+/// Limits of all quantities, and the rules for levels and states.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HealthLimits {
     /// Limits, in the order of [`Quantity::ALL`].
     limits: [Limits; Quantity::ALL.len()],
-    /// Number of last windows in a level.
+    /// Number of windows that a level covers.
     pub windows: usize,
-    /// Fewest windows for a level.
+    /// Minimum number of windows for a level.
     pub fewest_windows: usize,
     /// A state ends when the level falls below this share of its limit.
     pub release_share: f64,
 }
 
 impl Default for HealthLimits {
-    /// The values that `configs/reconstruct.toml` explains.
+    /// The defaults that `configs/reconstruct.toml` explains.
     fn default() -> Self {
         let limits = |[warn, bad]: [f64; 2]| Limits { warn, bad };
         let defaults = |quantity: Quantity| match quantity {
@@ -56,7 +56,7 @@ impl Default for HealthLimits {
 }
 
 impl HealthLimits {
-    /// Limits of a quantity.
+    /// Returns the limits of a quantity.
     #[must_use]
     pub fn limits_of(&self, quantity: Quantity) -> Limits {
         self.limits[quantity as usize]

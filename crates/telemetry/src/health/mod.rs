@@ -1,8 +1,9 @@
-//! Whether the scanner measures as it should, watched from window to window.
+//! Watches from window to window whether the scanner measures well.
 //!
-//! In: one value or none for each [`Quantity`] of a window ([`Measures`]), and the time. Out: a [`Gauge`] for every
-//! quantity with its level over the last windows, and a [`HealthState`] that does not flicker. The worst state is the
-//! scanner's. The result depends on that sequence alone: no clock, no log. The cost is negligible beside a window.
+//! In: the time and the values of each window ([`Measures`]), one or none for each [`Quantity`]. Out: a [`Gauge`] for
+//! each quantity with its level over the last windows, and a [`HealthState`] that does not flicker. The state of the
+//! scanner is the worst of them. The result depends only on the input: the module uses no clock and no log. The cost is
+//! negligible compared with that of a window.
 
 mod advice;
 mod gauge;
@@ -15,7 +16,7 @@ pub use limits::{HealthLimits, Limits};
 pub use quantity::{Averaging, Quantity};
 pub use state::HealthState;
 
-/// Values of a window, in the order of [`Quantity::ALL`]; `None` where the window has no value.
+/// Values of a window, in the order of [`Quantity::ALL`]; `None` if the window has no value.
 pub type Measures = [Option<f64>; Quantity::ALL.len()];
 
 /// The health of a scanner.
@@ -26,13 +27,13 @@ pub struct Health {
 }
 
 impl Health {
-    /// A health without any window.
+    /// Creates the health of a scanner without windows.
     #[must_use]
     pub fn new(limits: &HealthLimits) -> Self {
         Self { gauges: Quantity::ALL.map(|quantity| Gauge::new(quantity, limits)), limits: limits.clone() }
     }
 
-    /// Adds the values of a window that was measured at a time in nanoseconds.
+    /// Adds the values of a window, measured at `time_ns`.
     pub fn add(&mut self, time_ns: u64, measures: &Measures) {
         for (gauge, measure) in self.gauges.iter_mut().zip(measures) {
             if let Some(value) = measure.filter(|value| value.is_finite()) {
@@ -47,7 +48,7 @@ impl Health {
         &self.gauges
     }
 
-    /// The worst state of all quantities; not known before any quantity is known.
+    /// The worst state of all quantities. Unknown until a quantity is known.
     #[must_use]
     pub fn state(&self) -> HealthState {
         self.gauges.iter().map(Gauge::state).max().unwrap_or_default()
@@ -59,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_worst_quantity_is_the_state_and_missing_values_do_not_count() {
+    fn the_worst_state_counts_and_missing_values_do_not_count() {
         let mut health = Health::new(&HealthLimits::default());
         assert_eq!(health.state(), HealthState::NotKnown);
         let mut measures: Measures = [None; Quantity::ALL.len()];

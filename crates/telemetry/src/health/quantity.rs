@@ -1,6 +1,6 @@
 //! The health quantities.
 
-/// A quantity that shows how well the scanner measures; the higher, the worse.
+/// A quantity that shows how well the scanner measures. Higher is worse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(usize)]
 pub enum Quantity {
@@ -8,54 +8,54 @@ pub enum Quantity {
     Drift = 0,
     /// Standard deviation of δ about its mean.
     DeltaSd,
-    /// Standard deviation of δ about the drift: the part left for noise.
+    /// Standard deviation of δ about the drift: the part due to noise.
     DeltaNoise,
-    /// Absolute mean of δ: the offset of the projector's phase.
+    /// Absolute mean of δ: the phase offset of the projector.
     DeltaMean,
     /// Fit residual ÷ modulation of camera 1.
     ResidualCam1,
-    /// The same of camera 2.
+    /// The same in camera 2.
     ResidualCam2,
-    /// Harmonics of the fringes ÷ modulation, seen by camera 1.
+    /// Harmonics of the fringes ÷ modulation in camera 1.
     HarmonicsCam1,
-    /// The same by camera 2.
+    /// The same in camera 2.
     HarmonicsCam2,
     /// Share of the lit pixels of camera 1 with saturated samples.
     SaturatedCam1,
-    /// The same of camera 2.
+    /// The same in camera 2.
     SaturatedCam2,
     /// Share of the lit pixels of camera 1 that are barely lit.
     DimCam1,
-    /// The same of camera 2.
+    /// The same in camera 2.
     DimCam2,
-    /// Start of an image of camera 2 relative to camera 1, mean absolute value of the window.
+    /// Start of the images of camera 2 relative to camera 1: mean absolute value over the window.
     Skew,
-    /// Phase motion from image to image that 5 % of the pixels exceed, the greater of both cameras.
+    /// Phase motion from image to image that 5 % of the pixels exceed; the larger of both cameras.
     Motion,
-    /// Greatest deviation of an image's brightness from the mean, of both cameras.
+    /// Largest deviation of the brightness of an image from the mean, in either camera.
     Brightness,
-    /// Share of the valid pixels decoded from part of their images, the greater of both cameras.
+    /// Share of the valid pixels decoded from part of their images; the larger of both cameras.
     OneSurface,
-    /// Share of the lit pixels left out because of motion, the greater of both cameras.
+    /// Share of the lit pixels dropped because of motion; the larger of both cameras.
     Lost,
-    /// Windows whose images were ahead of the declared phase shifts.
+    /// Whether the images of the window were ahead of the declared phase shifts: 0 or 1.
     Slipped,
-    /// Share of the pixels without a candidate that agrees with the drift, inside the measurement volume or outside.
+    /// Share of the pixels without a candidate that agrees with the drift, inside or outside the measurement volume.
     Unexplained,
-    /// Expected false candidates for each true one about the drift: efc of Eq. (1).
+    /// Expected false candidates for each true one, about the drift: efc of Eq. (1).
     FalseCandidates,
 }
 
-/// How the level of a quantity follows from its last windows.
+/// How the level of a quantity is computed from its last windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaging {
-    /// Their median: single windows do not matter.
+    /// The median: single windows do not matter.
     Median,
-    /// Their mean: each window counts.
+    /// The mean: each window counts.
     Mean,
 }
 
-/// Every quantity with its name, its configuration key and its title, at the index of its discriminant.
+/// Every quantity with its name, configuration key and title, at the index of its discriminant.
 #[rustfmt::skip]
 const TABLE: [(Quantity, &str, &str, &str); 20] = [
     (Quantity::Drift, "drift", "health.drift_rad", "drift of the calibration"),
@@ -71,12 +71,12 @@ const TABLE: [(Quantity, &str, &str, &str); 20] = [
     (Quantity::DimCam1, "dim_cam1", "health.dim_share", "dim pixels, camera 1"),
     (Quantity::DimCam2, "dim_cam2", "health.dim_share", "dim pixels, camera 2"),
     (Quantity::Skew, "skew", "health.skew_ms", "skew of the cameras"),
-    (Quantity::Motion, "motion", "health.motion_rad", "motion of the phase an image"),
+    (Quantity::Motion, "motion", "health.motion_rad", "phase motion per image"),
     (Quantity::Brightness, "brightness", "health.brightness_share", "change of brightness"),
-    (Quantity::OneSurface, "one_surface", "health.one_surface_share", "pixels with part of their images"),
+    (Quantity::OneSurface, "one_surface", "health.one_surface_share", "pixels decoded from part of their images"),
     (Quantity::Lost, "lost", "health.lost_share", "pixels lost to motion"),
     (Quantity::Slipped, "slipped", "health.slipped_share", "slipped windows"),
-    (Quantity::Unexplained, "unexplained", "health.unexplained_share", "pixels that nothing explains"),
+    (Quantity::Unexplained, "unexplained", "health.unexplained_share", "unexplained pixels"),
     (Quantity::FalseCandidates, "false_candidates", "health.false_candidates", "expected false candidates"),
 ];
 
@@ -98,32 +98,32 @@ impl Quantity {
         TABLE[self as usize].1
     }
 
-    /// Configuration key of its limits; both cameras share one.
+    /// Configuration key of its limits. Both cameras share one key.
     #[must_use]
     pub fn key(self) -> &'static str {
         TABLE[self as usize].2
     }
 
-    /// Title for people.
+    /// Title shown to people.
     #[must_use]
     pub fn title(self) -> &'static str {
         TABLE[self as usize].3
     }
 
-    /// Unit of its values, taken from the end of [`Self::key`]; empty for shares.
+    /// Unit of its values, taken from the suffix of [`Self::key`]; empty for shares.
     #[must_use]
     pub fn unit(self) -> &'static str {
         let key = self.key();
         ["rad", "ms"].into_iter().find(|unit| key.ends_with(unit)).unwrap_or_default()
     }
 
-    /// How its level follows from its last windows.
+    /// How its level is computed from its last windows.
     #[must_use]
     pub fn averaging(self) -> Averaging {
         if self == Self::Slipped { Averaging::Mean } else { Averaging::Median }
     }
 
-    /// The quantity with this name; `None` for an unknown name.
+    /// Returns the quantity with this name, or `None` if the name is unknown.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|quantity| quantity.name() == name)
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_stands_at_its_index_under_a_unique_name() {
+    fn each_quantity_is_at_its_index_and_has_a_unique_name() {
         for (index, quantity) in Quantity::ALL.into_iter().enumerate() {
             assert_eq!(quantity as usize, index);
             assert_eq!(Quantity::from_name(quantity.name()), Some(quantity));

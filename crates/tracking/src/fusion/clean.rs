@@ -1,5 +1,5 @@
-//! Removes surfels that a cloud contradicts: it measured a surface behind them, or it could have measured them and
-//! never did.
+//! Removes two kinds of surfels: those behind which clouds measured a surface, and those that clouds could have
+//! measured but did not.
 
 use rayon::prelude::*;
 
@@ -9,32 +9,32 @@ use super::index_map::{IndexMap, Projection};
 use super::merge::Placement;
 use super::surfel::Surfel;
 
-/// A surface this far behind a surfel contradicts it: share of the depth, 1 mm at 0.3 m. This is well above noise, so
+/// A surface this far behind a surfel contradicts it: a share of the depth, 1 mm at 0.3 m. This is well above noise, so
 /// only false points and removed objects are affected.
 const BEHIND_SHARE: f64 = 0.0033;
-/// Fewest measured pixels around a surfel for a contradiction; all of them must lie behind it, because at edges some
-/// always do.
+/// Minimum number of measured pixels around a surfel for a contradiction. All of them must lie behind it, because at
+/// edges some always do.
 const MIN_BEHIND: usize = 5;
-/// Fewest contradictions that remove a surfel; they must also exceed a third of its support.
-const MAX_CONTRADICTIONS: u32 = 3;
-/// A surfel is unconfirmed after this multiple of the wanted number of clouds could have measured it.
-const CHANCES: u32 = 4;
+/// Minimum number of contradictions that removes a surfel. They must also exceed a third of its support.
+const MIN_CONTRADICTIONS: u32 = 3;
+/// A surfel is unconfirmed if this multiple of the wanted number of clouds could have measured it.
+const OPPORTUNITIES: u32 = 4;
 
-/// What a cloud shows of a surfel.
+/// What a cloud shows about a surfel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
-    /// Nothing: it is outside the image, turned away, hidden, or at an edge.
+    /// Nothing: the surfel is outside the image, turned away, hidden, or at an edge.
     NotVisible,
-    /// The cloud could have measured it, whether it did or not.
+    /// The cloud could have measured the surfel, whether it did or not.
     Visible,
-    /// The cloud measured a surface behind it.
+    /// The cloud measured a surface behind the surfel.
     Contradicted,
 }
 
 /// Counts the verdict of a cloud on each surfel, removes contradicted and unconfirmed surfels, and returns their
 /// number.
 ///
-/// The map shows the surfels before the merge; surfels created since are visible to the cloud that created them.
+/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud.
 pub(super) fn clean(
     surfels: &mut Vec<Surfel>,
     map: &IndexMap,
@@ -57,29 +57,30 @@ pub(super) fn clean(
 
 fn verdict(map: &IndexMap, surface: &OrganizedSurface, index: usize) -> Verdict {
     match map.projection(index) {
-        Some(seen) if !map.is_hidden(seen) => verdict_of_pixels(surface, seen),
+        Some(seen) if !map.is_hidden(seen) => verdict_from_pixels(surface, seen),
         _ => Verdict::NotVisible,
     }
 }
 
-/// The verdict of the 3 × 3 pixels around a surfel.
-fn verdict_of_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
+/// Returns the verdict of the 3 × 3 pixels around a surfel.
+fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
     let [u, v] = [seen.pixel.x.round() as isize, seen.pixel.y.round() as isize];
     let around = (v - 1..=v + 1).flat_map(|row| (u - 1..=u + 1).map(move |column| (column, row)));
     let margin_m = BEHIND_SHARE * seen.depth_m;
-    let (mut behind, mut before, mut at_surfel) = (0, 0, 0);
+    let (mut behind, mut in_front, mut at_surfel) = (0, 0, 0);
     for point in around.filter_map(|(column, row)| surface.at(column, row)) {
         let off_m = f64::from(point.position_m[2]) - seen.depth_m;
         if off_m > margin_m {
             behind += 1;
         } else if off_m < -margin_m {
-            before += 1;
+            in_front += 1;
         } else {
             at_surfel += 1;
         }
     }
-    // Points behind contradict only without points before or at the surfel: mixed depths are an edge.
-    match (behind, before, at_surfel) {
+    // Points behind are a contradiction only if there are none in front of the surfel or at it. Mixed depths are an
+    // edge.
+    match (behind, in_front, at_surfel) {
         (0, 0, _) => Verdict::Visible,
         (_, 0, 0) if behind >= MIN_BEHIND => Verdict::Contradicted,
         (0, _, at_surfel) if at_surfel > 0 => Verdict::Visible,
@@ -88,9 +89,9 @@ fn verdict_of_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
 }
 
 fn is_contradicted(surfel: &Surfel) -> bool {
-    surfel.contradictions >= MAX_CONTRADICTIONS && 3 * surfel.contradictions > surfel.support
+    surfel.contradictions >= MIN_CONTRADICTIONS && 3 * surfel.contradictions > surfel.support
 }
 
 fn is_unconfirmed(surfel: &Surfel, min_support: u32) -> bool {
-    surfel.support < min_support && surfel.seen >= CHANCES.saturating_mul(min_support)
+    surfel.support < min_support && surfel.seen >= OPPORTUNITIES.saturating_mul(min_support)
 }

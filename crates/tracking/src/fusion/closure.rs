@@ -1,25 +1,26 @@
-//! The loop closure of a scan that ends where it began.
+//! Loop closure of a scan that ends where it began.
 
 use fringeflow::geometry::{Camera, Pose};
 
 use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, register};
 
-/// Least share of the last cloud's points with a partner in the first; below, the scan has not returned.
+/// Minimum share of the points of the last cloud with a partner in the first. With fewer, the scan has not returned.
 const MIN_SHARE: f64 = 0.5;
 
-/// The last cloud, registered directly to the first.
+/// Registration of the last cloud directly to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closure {
-    /// The pose of the last cloud, from the first and the last cloud only.
+    /// Pose of the last cloud, from the first and the last cloud only.
     pub direct: Registration,
-    /// Distance between the tracked and the direct position of the last cloud's centre, metres.
+    /// Distance between the tracked and the direct position of the centre of the last cloud, metres.
     pub drift_m: f64,
     /// Angle between the tracked and the direct rotation, rad.
     pub drift_rad: f64,
 }
 
 impl Closure {
-    /// The closure of the first and the last surface, the last tracked at a pose; `None` where they overlap too little.
+    /// Computes the closure of the first and the last surface. `first_from_last` is the tracked pose of the last.
+    /// Returns `None` if they overlap too little.
     pub(super) fn new(
         camera: &Camera,
         [first, last]: [&OrganizedSurface; 2],

@@ -1,8 +1,8 @@
-//! The model projected into the image of camera 1: which surfel it would see at each place.
+//! Projects the model into the image of camera 1, to find the surfels that the camera would see at each place.
 //!
-//! Four cells per pixel, so that neighbouring surfels seldom share one. Of two surfels in a cell the nearer one stays.
-//! On one surface the better measured one stays: the nearer one would pull the model towards the camera by the noise of
-//! its worst surfels.
+//! Each pixel has four cells, so that neighbouring surfels seldom share one. If two surfels of different surfaces share
+//! a cell, the nearer one stays. On one surface the better measured one stays: the nearer one would pull the model
+//! towards the camera by the noise of its worst surfels.
 
 use rayon::prelude::*;
 
@@ -14,8 +14,8 @@ use super::surfel::Surfel;
 
 /// Cells along each side of a pixel.
 const CELLS: usize = 2;
-/// Depth difference of surfels of one surface within a pixel or two, as a share of the depth. With a larger difference,
-/// one hides the other.
+/// Largest depth difference of surfels of one surface within a pixel or two, as a share of the depth. With a larger
+/// difference, one hides the other.
 const SAME_SURFACE_SHARE: f64 = 0.01;
 
 /// A surfel in the image of camera 1.
@@ -31,9 +31,9 @@ pub(super) struct Projection {
 pub(super) struct IndexMap {
     width: usize,
     height: usize,
-    /// Index of the surfel of every cell, or [`NONE`].
+    /// Index of the surfel in each cell, or [`NONE`].
     cells: Vec<u32>,
-    /// Projection of each surfel; `None` for those outside the image or turned away.
+    /// Projection of each surfel; `None` if it is outside the image, turned away, or not wanted.
     projections: Vec<Option<Projection>>,
 }
 
@@ -68,12 +68,12 @@ impl IndexMap {
         map
     }
 
-    /// The projection of a surfel; `None` where it is not visible.
+    /// Returns the projection of a surfel, or `None` if it has none.
     pub(super) fn projection(&self, index: usize) -> Option<&Projection> {
         self.projections.get(index)?.as_ref()
     }
 
-    /// The surfels in the cells within a pixel of an image point, with their projections.
+    /// Iterates over the surfels in the cells within a pixel of an image point, with their projections.
     pub(super) fn surfels_near(&self, pixel: &Pixel) -> impl Iterator<Item = (usize, &Projection)> {
         let inside = |x: f64, length: usize| {
             let first = ((x - 0.5) * CELLS as f64).round() as isize;
@@ -91,7 +91,7 @@ impl IndexMap {
         self.surfels_near(&seen.pixel).any(|(_, other)| other.depth_m < limit_m)
     }
 
-    /// The visible surface in the frame of camera 1: for each pixel the surfel next to its centre.
+    /// Returns the visible surface in the frame of camera 1: for each pixel the surfel nearest to its centre.
     pub(super) fn surface(&self, surfels: &[Surfel], cam1_from_model: &Pose) -> OrganizedSurface {
         let [width, height] = [self.width / CELLS, self.height / CELLS];
         let row_points = |v: usize| {
@@ -105,7 +105,7 @@ impl IndexMap {
         OrganizedSurface::new([width, height], rows.concat())
     }
 
-    /// The surfel of the foremost surface next to a pixel's centre.
+    /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel.
     fn foremost(&self, pixel: &Pixel) -> Option<usize> {
         let distance = |seen: &Projection| (seen.pixel - pixel).norm_squared();
         let mut best: Option<(usize, &Projection)> = None;

@@ -1,4 +1,4 @@
-//! Assigns the points of a cloud to surfels, and merges them.
+//! Assigns the points of a cloud to surfels and merges them.
 
 use rayon::prelude::*;
 
@@ -9,12 +9,13 @@ use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 use super::index_map::IndexMap;
 use super::surfel::{Measurement, Surfel};
 
-/// Largest distance on the image between a surfel and a point of the same piece of surface, pixels.
+/// Largest distance in the image between a surfel and a point of the same piece of surface, pixels.
 const SAME_PLACE_PX: f64 = 0.75;
-/// Least cosine between the normals of a surfel and a point assigned to it, 60°.
+/// Minimum cosine between the normals of a surfel and a point assigned to it, 60°.
 const MIN_NORMAL_COSINE: f64 = 0.5;
-/// Largest distance of a point from the plane of its surfel: the larger of these standard deviations and pixels. Errors
-/// of calibration and motion exceed noise, and a second layer of surfels beside the first would be worse than both.
+/// Largest distance of a point from the plane of its surfel, in standard deviations and in pixels; the larger applies.
+/// Errors of calibration and motion exceed noise. If such points made new surfels, a second layer would appear beside
+/// the first, which is worse than an average of both.
 const SAME_PLANE_SD: f64 = 4.0;
 const SAME_PLANE_PX: f64 = 1.0;
 
@@ -26,12 +27,12 @@ pub(super) struct Placement {
     pub(super) excess: f64,
     /// Width of a pixel at a distance of one metre, metres.
     pub(super) pixel_per_m: f64,
-    /// Number of the cloud among the merged ones.
+    /// Index of the cloud among the merged clouds.
     pub(super) cloud: u32,
 }
 
 impl Placement {
-    /// The measurement of a point; `None` without a normal.
+    /// Returns the measurement of a point, or `None` if it has no normal.
     fn measurement(&self, point: &SurfacePoint) -> Option<Measurement> {
         let position = self.model_from_cam1 * point.position();
         let normal = self.model_from_cam1.rotation * point.unit_normal()?;
@@ -45,7 +46,7 @@ impl Placement {
         })
     }
 
-    /// The surfel of a measurement at a pixel: among those whose plane it fits, the nearest on the image.
+    /// Returns the surfel of a measurement at a pixel: of those whose plane it fits, the nearest in the image.
     fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Measurement) -> Option<usize> {
         let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
         let fits = |surfel: &Surfel| {
@@ -60,7 +61,8 @@ impl Placement {
     }
 }
 
-/// Merges a surface into the surfels, which `map` shows at the pose of the cloud; returns the number of new surfels.
+/// Merges a surface into the surfels, and returns the number of new surfels. `map` shows the surfels at the pose of the
+/// cloud.
 pub(super) fn merge(
     surfels: &mut Vec<Surfel>,
     map: &IndexMap,
@@ -73,7 +75,8 @@ pub(super) fn merge(
         let owner = placement.owner(surfels, map, &Pixel::new(u, v), &measurement);
         Some((owner, measurement))
     };
-    // In parallel, since it only reads the surfels; they change one after the other, so threads change no bit.
+    // Assignment runs in parallel, since it only reads the surfels. The merging is sequential, so that the number of
+    // threads changes no bit of the result.
     let assigned: Vec<_> = surface.points().par_iter().with_min_len(256).map(assign).collect();
     let before = surfels.len();
     for (owner, measurement) in assigned.into_iter().flatten() {

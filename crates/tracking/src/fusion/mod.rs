@@ -1,4 +1,4 @@
-//! Fusion: registers each cloud of a moving scanner to the model so far, and merges it into the model's surfels.
+//! Fusion: registers each cloud of a moving scanner to the model so far, and merges it into the surfels of the model.
 //!
 //! ```text
 //!  cloud ─► OrganizedSurface ─┐
@@ -7,14 +7,14 @@
 //!           predicted pose ◄──────────────────────────────────────────────┘
 //! ```
 //!
-//! In: clouds in the frame of C1, in the order they were taken. Out: for each its pose or the reason why it has none,
-//! and a [`Model`] in the frame of C1 at the first cloud. The method is point-based fusion (Keller et al. 2013,
-//! "Real-time 3D reconstruction in dynamic scenes using point-based fusion"): a surfel is the average of the
-//! measurements at its place, new surfels are added where there is none, and surfels that later clouds contradict or
+//! In: clouds in the frame of C1, in the order they were taken. Out: for each cloud its pose, or the reason why it has
+//! none; and a [`Model`] in the frame of C1 at the first cloud. The method is point-based fusion (Keller et al. 2013,
+//! "Real-time 3D reconstruction in dynamic scenes using point-based fusion"). A surfel is the average of the
+//! measurements at its place. A measurement without a surfel makes a new one. Surfels that later clouds contradict or
 //! never confirm are removed. There are no voxels: the model is as fine as the images.
 //!
-//! A cloud of 90,000 points with as many surfels costs 0.12 s of one core. The same clouds give the same model to the
-//! bit for any number of threads: points are assigned in parallel and merged one after the other.
+//! The cost is 0.12 s of one core for a cloud of 90,000 points and as many surfels. The same clouds give the same model
+//! to the bit for any number of threads: points are assigned in parallel and merged in order.
 
 mod clean;
 mod closure;

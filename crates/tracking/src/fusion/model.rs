@@ -1,4 +1,4 @@
-//! The model: its surfels, and merging of clouds.
+//! The model: surfels, and merging of clouds.
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
@@ -9,7 +9,7 @@ use super::index_map::IndexMap;
 use super::merge::{Placement, merge};
 use super::surfel::Surfel;
 
-/// Changes of the model by a cloud.
+/// Changes that a cloud made to the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Merged {
     /// Surfels added.
@@ -22,7 +22,7 @@ pub struct Merged {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     surfels: Vec<Surfel>,
-    /// Covariance of the pose of every merged cloud.
+    /// Covariance of the pose of each merged cloud.
     covariances: Vec<PoseCovariance>,
 }
 
@@ -33,8 +33,8 @@ impl Model {
         &self.surfels
     }
 
-    /// The surfels to trust: measured in `min_support` clouds, or in all clouds that could have measured them if these
-    /// are fewer.
+    /// Iterates over the reliable surfels: those measured in `min_support` clouds, or in all clouds that could have
+    /// measured them if these are fewer.
     pub fn supported(&self, min_support: u32) -> impl Iterator<Item = &Surfel> {
         self.surfels.iter().filter(move |surfel| surfel.is_supported(min_support))
     }
@@ -45,14 +45,14 @@ impl Model {
         self.covariances.len()
     }
 
-    /// Mean of the surfels, metres; the origin for none.
+    /// Mean position of the surfels, metres; the origin if there are none.
     #[must_use]
     pub fn centre(&self) -> Point3 {
         let sum: Vector3 = self.surfels.iter().map(|surfel| surfel.position.coords).sum();
         Point3::from(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// The surface of supported surfels visible to camera 1, in its own frame.
+    /// Returns the surface of supported surfels that camera 1 sees, in the frame of the camera.
     #[must_use]
     pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose, min_support: u32) -> OrganizedSurface {
         let cam1_from_model = model_from_cam1.inverse();
@@ -60,11 +60,12 @@ impl Model {
         map.surface(&self.surfels, &cam1_from_model)
     }
 
-    /// Covariance of the model's pose: the mean over its surfels of the covariance of the cloud that first measured
-    /// them.
+    /// Covariance of the pose of the model: the mean over its surfels of the covariance of the cloud that first
+    /// measured each surfel.
     ///
     /// Errors of poses do not average out in a surfel as noise does: a surfel is created where its first cloud placed
-    /// it, and later clouds are registered to it. A mean of covariances is never below the covariance of a mean.
+    /// it, and later clouds are registered to it. The mean of the covariances is never below the covariance of the
+    /// mean.
     pub(super) fn covariance(&self) -> PoseCovariance {
         let mut surfels_of_cloud = vec![0_u32; self.covariances.len()];
         for surfel in &self.surfels {
@@ -80,8 +81,8 @@ impl Model {
         PoseCovariance(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// Merges the surface of a cloud at a pose with a covariance. Its registration had residuals `excess` times as
-    /// large as noise.
+    /// Merges the surface of a cloud with its pose and covariance. `excess` is the ratio of the residuals of its
+    /// registration to noise.
     pub(super) fn merge(
         &mut self,
         camera: &Camera,

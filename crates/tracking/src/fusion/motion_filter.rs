@@ -1,10 +1,10 @@
-//! The motion of the scanner, from the poses found so far.
+//! Estimates the motion of the scanner from the poses so far.
 //!
-//! In: poses of C1 with their covariances, at their times. Out: its motion at the last of them. The difference of two
-//! poses gives the motion where both are known well and some time lies between them. On a surface that hardly fixes a
-//! direction, or after 10 ms, the difference is noise. So a Kalman filter (Kalman 1960, "A new approach to linear
-//! filtering and prediction problems") weighs each pose, direction by direction, against the motion of a hand: constant
-//! speed with random accelerations.
+//! In: poses of C1 with their covariances and times. Out: the motion at the last pose. The difference of two poses
+//! gives the motion if both poses are accurate and enough time lies between them. In a direction that the surface
+//! hardly determines, or after only 10 ms, the difference is noise. So a Kalman filter (Kalman 1960, "A new approach to
+//! linear filtering and prediction problems") weighs each pose, direction by direction, against a model of hand motion:
+//! constant speed with random accelerations.
 
 use nalgebra::{Matrix6, SMatrix, SVector, Vector6};
 
@@ -16,22 +16,22 @@ use crate::registration::PoseCovariance;
 type Matrix12 = SMatrix<f64, 12, 12>;
 type Vector12 = SVector<f64, 12>;
 
-/// Speed of a scanner before anything is known, the same for all axes: standard deviations, m/s and rad/s.
-const USUAL_SPEED: [f64; 2] = [0.1, 0.5];
-/// Random accelerations: growth of the variance of a speed per second, m²/s³ and rad²/s³. A hand that moves a scanner
-/// changes its speed by about 0.2 m/s² in a tenth of a second.
-const ACCELERATIONS: [f64; 2] = [2e-3, 2e-2];
-/// Errors missing in the covariance of a registration: errors that move with the fringes, as motion leaves them, are
-/// the same in all clouds and hold the surface back. Standard deviations of translation and rotation, metres and rad,
-/// and a factor for the variances.
-const LEAST_POSE_SD: [f64; 2] = [1e-5, 3e-5];
-const COMMON_ERRORS: f64 = 9.0;
+/// Speed of a scanner before anything is known: standard deviations for each axis, m/s and rad/s.
+const INITIAL_SPEED_SD: [f64; 2] = [0.1, 0.5];
+/// Random accelerations: growth of the variance of the speed per second, m²/s³ and rad²/s³. A hand changes the speed of
+/// a scanner by about 0.2 m/s² in a tenth of a second.
+const ACCELERATION_VARIANCES: [f64; 2] = [2e-3, 2e-2];
+/// Pose errors that the covariance of a registration does not contain, such as errors that move with the fringes
+/// because of motion. They are the same in all clouds and hold the surface back. They are modelled by minimum standard
+/// deviations of translation and rotation, metres and rad, and a factor for the variances.
+const MIN_POSE_SD: [f64; 2] = [1e-5, 3e-5];
+const COMMON_ERROR_FACTOR: f64 = 9.0;
 
 /// The motion of a tracked scanner.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MotionFilter {
     pose: Pose,
-    /// Velocity and angular rate, frame of C1.
+    /// Velocity and angular rate in the frame of C1.
     twist: Vector6<f64>,
     /// Covariance of a small motion in the frame of C1, then of the twist.
     covariance: Matrix12,
@@ -39,23 +39,23 @@ pub(super) struct MotionFilter {
 }
 
 impl MotionFilter {
-    /// The filter after the first pose.
+    /// Creates the filter at the first pose.
     pub(super) fn new(pose: Pose, covariance: &PoseCovariance) -> Self {
         let mut joint = Matrix12::zeros();
         joint.fixed_view_mut::<6, 6>(0, 0).copy_from(&in_own_frame(&pose, covariance));
-        joint.fixed_view_mut::<6, 6>(6, 6).copy_from(&diagonal(USUAL_SPEED.map(|sd| sd * sd)));
+        joint.fixed_view_mut::<6, 6>(6, 6).copy_from(&diagonal(INITIAL_SPEED_SD.map(|sd| sd * sd)));
         Self { pose, twist: Vector6::zeros(), covariance: joint, poses: 1 }
     }
 
-    /// The motion at the last pose; `None` after a single pose.
+    /// Returns the motion at the last pose, or `None` after a single pose.
     pub(super) fn motion(&self) -> Option<RigidMotion> {
         let part = |from: usize| Vector3::new(self.twist[from], self.twist[from + 1], self.twist[from + 2]);
         let motion = RigidMotion { velocity_m_s: part(0), rate_rad_s: part(3) };
         (self.poses > 1 && motion.is_finite()).then_some(motion)
     }
 
-    /// Adds the pose found `seconds` after the last one, with its covariance in the frame that the pose refers to. A pose with
-    /// numbers that are not finite changes only the prediction.
+    /// Adds the pose found `seconds` after the last one, with its covariance in the reference frame of the pose. A pose
+    /// that is not finite only advances the prediction.
     pub(super) fn update(&mut self, pose: &Pose, covariance: &PoseCovariance, seconds: f64) {
         self.predict(seconds);
         let found = self.pose.inverse() * pose;
@@ -76,14 +76,14 @@ impl MotionFilter {
         self.poses += 1;
     }
 
-    /// Predicts the state after a time, at constant speed with random accelerations.
+    /// Advances the state by `seconds`, at constant speed with random accelerations.
     fn predict(&mut self, seconds: f64) {
         let step = self.twist * seconds;
         self.pose *= Pose::new(Vector3::new(step[0], step[1], step[2]), Vector3::new(step[3], step[4], step[5]));
         let mut transition = Matrix12::identity();
         transition.fixed_view_mut::<6, 6>(0, 6).fill_diagonal(seconds);
         let mut process = Matrix12::zeros();
-        let accelerations = diagonal(ACCELERATIONS);
+        let accelerations = diagonal(ACCELERATION_VARIANCES);
         for (i, j, factor) in [(0, 0, seconds.powi(3) / 3.0), (0, 6, seconds.powi(2) / 2.0), (6, 6, seconds)] {
             process.fixed_view_mut::<6, 6>(i, j).copy_from(&(accelerations * factor));
             process.fixed_view_mut::<6, 6>(j, i).copy_from(&(accelerations * factor));
@@ -92,14 +92,14 @@ impl MotionFilter {
     }
 }
 
-/// A diagonal with one value for all axes of the translation, and one for those of the rotation.
+/// Returns a diagonal matrix with one value for the axes of translation and one for the axes of rotation.
 fn diagonal([shift, turn]: [f64; 2]) -> Matrix6<f64> {
     Matrix6::from_diagonal(&Vector6::new(shift, shift, shift, turn, turn, turn))
 }
 
-/// The covariance of a pose, in its own frame.
+/// Returns the covariance of a pose in its own frame, with the errors that registration does not see.
 fn in_own_frame(pose: &Pose, covariance: &PoseCovariance) -> Matrix6<f64> {
-    covariance.seen_from(&pose.inverse()).0 * COMMON_ERRORS + diagonal(LEAST_POSE_SD.map(|sd| sd * sd))
+    covariance.seen_from(&pose.inverse()).0 * COMMON_ERROR_FACTOR + diagonal(MIN_POSE_SD.map(|sd| sd * sd))
 }
 
 #[cfg(test)]
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_motion_is_known_better_than_from_two_poses() {
+    fn a_constant_motion_is_known_better_than_from_two_poses() {
         let errors = errors(|_| 0.05, 40);
         let rms = |which: usize| {
             let squares: f64 = errors[10..].iter().map(|error| error[which].powi(2)).sum();
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_reversing_hand_is_followed() {
-        // From 50 mm/s to -50 in a fifth of a second.
+        // The speed changes from 50 mm/s to −50 mm/s in a fifth of a second.
         let speed = |number: usize| 0.05 - 0.005 * (number.clamp(20, 40) - 20) as f64;
         let errors = errors(speed, 60);
         let worst = |errors: &[[f64; 2]]| errors.iter().map(|error| error[0]).fold(0.0, f64::max);
@@ -171,7 +171,7 @@ mod tests {
         let mut filter = MotionFilter::new(Pose::identity(), &PoseCovariance::zero());
         let mut unknown = covariance();
         unknown.0[(0, 0)] = 1.0;
-        // It slides along x at a metre per second, which is undetermined, and moves along z.
+        // The pose slides along x at a metre per second, which is undetermined, and moves along z.
         for number in 1..=10 {
             let time_s = PERIOD_S * f64::from(number);
             filter.update(&Pose::translation(time_s, 0.0, 0.1 * time_s), &unknown, PERIOD_S);

@@ -1,4 +1,4 @@
-//! A model as PLY, binary little-endian: one vertex per surfel.
+//! Writes a model as PLY, binary little-endian, with one vertex per surfel.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -9,7 +9,7 @@ use fringeflow_base::atomic_file::{WriteError, write_atomically};
 use super::model::Model;
 use super::surfel::Surfel;
 
-/// Name and type of every property, in the order of the file; `sigma` has the unit of `x y z`.
+/// Name and type of each property, in the order of the file. `sigma` has the unit of `x y z`.
 const FIELDS: [(&str, Scalar); 9] = [
     ("x", Scalar::F32),
     ("y", Scalar::F32),
@@ -22,10 +22,10 @@ const FIELDS: [(&str, Scalar); 9] = [
     ("support", Scalar::U16),
 ];
 
-/// Writes the surfels with enough support; returns their number.
+/// Writes the surfels with enough support, and returns their number.
 ///
 /// # Errors
-/// The file cannot be written; a file that stood at the path stays as it was.
+/// The file cannot be written. An existing file then stays unchanged.
 pub fn write_model(
     path: &Path,
     model: &Model,

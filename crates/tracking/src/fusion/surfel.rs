@@ -2,7 +2,7 @@
 
 use fringeflow::geometry::{Point3, Vector3};
 
-/// A measurement to be merged into a surfel, frame of the model.
+/// A measurement to merge into a surfel, in the frame of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
     pub(super) position: Point3,
@@ -12,30 +12,30 @@ pub(super) struct Measurement {
     pub(super) intensity: u8,
     /// Variance along the normal caused by the pose of its cloud, m².
     pub(super) pose_variance: f64,
-    /// Number of its cloud among the merged ones.
+    /// Index of its cloud among the merged clouds.
     pub(super) cloud: u32,
 }
 
-/// A piece of surface, frame of the model, metres.
+/// A piece of surface in the frame of the model, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surfel {
     /// Mean of its measurements, weighted by their noise.
     pub position: Point3,
-    /// Mean normal, length 1, away from the body.
+    /// Mean normal of length 1, pointing away from the object.
     pub normal: Vector3,
     /// Sum of the weights `1/σ²`, 1/m².
     pub weight: f64,
     /// Mean grey level.
     pub intensity: f32,
-    /// Clouds that measured it.
+    /// Number of clouds that measured it.
     pub support: u32,
-    /// Clouds that could have measured it: it lay in the image of C1, faced it, and nothing hid it.
+    /// Number of clouds that could have measured it: it lay in the image of C1, faced the camera, and nothing hid it.
     pub seen: u32,
-    /// Clouds that measured a surface behind it.
+    /// Number of clouds that measured a surface behind it.
     pub contradictions: u32,
-    /// Number of the cloud that first measured it, among the merged ones.
+    /// Index of the cloud that first measured it, among the merged clouds.
     pub(super) first_cloud: u32,
-    /// Number of the cloud that last measured it.
+    /// Index of the cloud that last measured it.
     pub(super) last_cloud: u32,
     measurements: u32,
     /// `Σ w r²`, where r are the distances of the measurements along the normal from their mean.
@@ -64,9 +64,9 @@ impl Surfel {
 
     /// Adds a measurement to the running means (West 1979, "Updating mean and variance estimates").
     pub(super) fn add(&mut self, m: &Measurement) {
-        let added = weight(m);
-        let total = self.weight + added;
-        let share = added / total;
+        let new_weight = weight(m);
+        let total = self.weight + new_weight;
+        let share = new_weight / total;
         let off = m.position - self.position;
         let distance = off.dot(&self.normal);
         self.scatter += self.weight * share * distance * distance;
@@ -83,31 +83,31 @@ impl Surfel {
         }
     }
 
-    /// Whether `min_support` clouds measured it, or all that could have if these are fewer.
+    /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer.
     #[must_use]
     pub fn is_supported(&self, min_support: u32) -> bool {
         self.support >= min_support.min(self.seen)
     }
 
-    /// Standard deviation of its position, metres: the noise of the mean, enlarged where the measurements scatter more,
-    /// and the error of the clouds' poses, which does not shrink with more measurements.
+    /// Standard deviation of its position, metres. It contains the noise of the mean, enlarged if the measurements
+    /// scatter more, and the error of the poses of the clouds, which does not shrink with more measurements.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         let excess = self.scatter / f64::from(self.measurements.saturating_sub(1).max(1));
         (excess.max(1.0) / self.weight + self.pose_variance).sqrt()
     }
 
-    /// Standard deviation by noise alone, metres.
+    /// Standard deviation of its position by noise alone, metres.
     pub(super) fn noise_m(&self) -> f64 {
         (1.0 / self.weight).sqrt()
     }
 }
 
 /// Smallest standard deviation of a measurement, metres: the resolution of single precision at arm's length.
-const LEAST_SIGMA_M: f64 = 1e-7;
+const MIN_SIGMA_M: f64 = 1e-7;
 
 fn weight(m: &Measurement) -> f64 {
-    1.0 / m.sigma_m.max(LEAST_SIGMA_M).powi(2)
+    1.0 / m.sigma_m.max(MIN_SIGMA_M).powi(2)
 }
 
 #[cfg(test)]
@@ -142,7 +142,7 @@ mod tests {
             surfel.add(&measured(if cloud % 2 == 0 { 0.3 } else { 0.31 }, cloud));
         }
         assert!((surfel.position.z - 0.305).abs() < 1e-12);
-        // Half of 10 mm to either side, 16 measurements.
+        // Deviations of 5 mm to either side, 16 measurements.
         assert!((surfel.sigma_m() - 5e-3 / 15.0_f64.sqrt()).abs() < 1e-6, "{}", surfel.sigma_m());
     }
 

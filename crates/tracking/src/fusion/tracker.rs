@@ -1,11 +1,11 @@
-//! Tracks the scanner cloud after cloud, while the model grows.
+//! Tracks the scanner from cloud to cloud, while the model grows.
 //!
-//! Each cloud is registered to the model as seen from the predicted pose. If that fails, it is registered once more
-//! from the last known pose, with a longer reach. A cloud that fails both is lost: it changes nothing, and the next
-//! cloud starts from the last known pose.
+//! Each cloud is registered to the model as seen from the predicted pose. If that fails, it is registered again from
+//! the last known pose, with a longer reach. A cloud that fails both is lost: it does not change the model, and the
+//! next cloud starts from the last known pose.
 //!
-//! Registration uses a few thousand points, merging all of them. Where time is short, only some of the tracked clouds
-//! are merged. Their number decides which, not a clock, so that the same clouds give the same poses.
+//! Registration uses a few thousand points, merging uses all points. If time is short, only some of the tracked clouds
+//! are merged. A fixed stride selects them, not a clock, so that the same clouds give the same poses.
 
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::KnownDrift;
@@ -25,11 +25,11 @@ use super::motion_filter::MotionFilter;
 pub struct FusionSettings {
     /// Settings of a registration.
     pub registration: RegistrationSettings,
-    /// Factor for the reach of the registration when a lost scanner is searched for.
+    /// Factor for the reach of the registration when the scanner is lost.
     pub relocalization_reach: f64,
-    /// Clouds that must measure a surfel, where as many could have measured it.
+    /// Number of clouds that must measure a surfel, if as many could have measured it.
     pub min_support: u32,
-    /// Stride of the merged clouds; 1 merges all. A relocalized cloud is always merged.
+    /// Stride of the merged clouds; 1 merges all. Relocalized clouds are always merged.
     pub merge_every: u32,
 }
 
@@ -84,15 +84,15 @@ impl Tracking {
 pub struct Tracked {
     /// Its result.
     pub tracking: Tracking,
-    /// Pose of C1 in the frame of C1 at the first cloud; for a lost cloud the last known pose.
+    /// Pose of C1 in the frame of C1 at the first cloud. For a lost cloud, the last known pose.
     pub model_from_cam1: Pose,
     /// Covariance of the pose relative to the first cloud.
     pub covariance: PoseCovariance,
-    /// Changes of the model.
+    /// Changes that the cloud made to the model.
     pub merged: Merged,
 }
 
-/// The model as camera 1 would see it from a pose; clouds are registered to it.
+/// The model as camera 1 would see it from a pose. Clouds are registered to it.
 #[derive(Clone, Debug)]
 struct View {
     model_from_cam1: Pose,
@@ -103,29 +103,29 @@ struct View {
 #[derive(Clone, Copy, Debug)]
 struct LastKnown {
     model_from_cam1: Pose,
-    /// Pose of the last cloud that fixed at least part of it; the rest is predicted.
+    /// Pose of the last cloud that determined at least part of it. The rest is predicted.
     rough_pose: Pose,
     time_ns: u64,
     motion: MotionFilter,
-    /// No cloud since then was found.
+    /// Whether all clouds since then were lost.
     is_lost: bool,
 }
 
 impl LastKnown {
-    /// Time from the last known pose to a time, seconds; 0 if that is earlier.
+    /// Time from the last known pose to `time_ns`, seconds; 0 if `time_ns` is earlier.
     fn seconds_to(&self, time_ns: u64) -> f64 {
         time_ns.saturating_sub(self.time_ns) as f64 * 1e-9
     }
 
-    /// Its motion; `None` after it was lost.
+    /// Motion of the scanner; `None` if it is lost.
     fn motion(&self) -> Option<RigidMotion> {
         self.motion.motion().filter(|_| !self.is_lost)
     }
 
-    /// The predicted pose at a time.
+    /// Predicts the pose at `time_ns`.
     fn predict(&self, time_ns: u64) -> Pose {
-        let way = self.motion().map(|motion| motion.pose_after(self.seconds_to(time_ns)));
-        self.rough_pose * way.unwrap_or_else(Pose::identity)
+        let movement = self.motion().map(|motion| motion.pose_after(self.seconds_to(time_ns)));
+        self.rough_pose * movement.unwrap_or_else(Pose::identity)
     }
 
     /// Adds the pose of a later cloud, with its covariance.
@@ -135,7 +135,7 @@ impl LastKnown {
     }
 }
 
-/// A view is reused while places move in the image by less than this share of their distance: about 6 pixels of 640.
+/// A view is reused while points move in the image by less than this share of their distance, about 6 pixels of 640.
 /// Until then, surfaces that enter the image at its border have no partner.
 const VIEW_SHARE: f64 = 0.01;
 
@@ -149,11 +149,11 @@ pub struct Tracker {
     last: OrganizedSurface,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// The model as last drawn, if nothing was merged since.
+    /// The last view of the model; `None` after a merge.
     view: Option<View>,
-    /// Clouds tracked since the last merge.
+    /// Number of clouds tracked since the last merge.
     unmerged: u32,
-    /// Centre of the model, and the covariance of its pose.
+    /// Centre of the model, and the covariance of the pose of the model.
     centre: Point3,
     model_covariance: PoseCovariance,
     /// `None` before the first cloud.
@@ -162,7 +162,7 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker of clouds in the frame of `camera`, camera 1.
+    /// Creates a tracker of clouds in the frame of `camera`, which is camera 1.
     #[must_use]
     pub fn new(camera: Camera, settings: FusionSettings) -> Self {
         Self {
@@ -187,13 +187,13 @@ impl Tracker {
         &self.model
     }
 
-    /// Centre of the model at the last merge, frame of C1 at the first cloud, metres.
+    /// Centre of the model at the last merge, metres, in the frame of C1 at the first cloud.
     #[must_use]
     pub fn centre(&self) -> &Point3 {
         &self.centre
     }
 
-    /// Tracks the next cloud, in the order they were taken, with its time.
+    /// Tracks the next cloud, taken at `time_ns`. Call it in the order in which the clouds were taken.
     pub fn step(&mut self, cloud: &Cloud, time_ns: u64) -> Tracked {
         let Some(known) = self.last_known else { return self.start_model(self.surface(cloud), time_ns) };
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
@@ -203,13 +203,13 @@ impl Tracker {
             let found = found.determined(&settings)?;
             Ok((Tracking::Tracked(found), reference, found))
         });
-        // A cloud that fails here is searched for once more, where the scanner was last seen.
+        // If this fails, search once more near the last known pose.
         match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
             Ok((tracking, reference, found)) => {
                 self.accept(cloud, sampled, (tracking, &reference, &found), known, time_ns)
             }
             Err(lost) => {
-                // The motion is unknown now, unless the surface determined a part of the pose.
+                // The motion is now unknown, unless the surface determined a part of the pose.
                 let mut known = LastKnown { is_lost: true, ..known };
                 if let Ok((reference, found)) = rough {
                     let pose = normalized(reference * found.reference_from_moved);
@@ -223,16 +223,16 @@ impl Tracker {
         }
     }
 
-    /// The prior of the next windows; `None` if the last cloud was lost or is the first one. On a surface that does not
-    /// determine the whole pose, the motion along it is unknown; it hardly shows in the phase either. `drift` is the
-    /// calibration drift that the correspondences of this cloud showed.
+    /// Returns the prior of the next windows, or `None` if the last cloud was lost or is the first one. On a surface
+    /// that does not determine the whole pose, the motion along the surface is unknown, but it hardly affects the phase
+    /// either. `drift` is the calibration drift found with the correspondences of this cloud.
     #[must_use]
     pub fn prior(&self, drift: Option<KnownDrift>) -> Option<Prior> {
         Some(Prior { motion: self.last_known?.motion()?, relief: self.relief.clone(), drift })
     }
 
-    /// Compares the pose of the last merged cloud by direct registration to the first cloud with the tracked pose;
-    /// `None` where both overlap too little.
+    /// Registers the last tracked cloud directly to the first, and compares the pose with the tracked one. Returns
+    /// `None` if the two overlap too little.
     #[must_use]
     pub fn closure(&self) -> Option<Closure> {
         let pose = self.last_known?.model_from_cam1;
@@ -242,7 +242,7 @@ impl Tracker {
         Closure::new(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
     }
 
-    /// Keeps the depth of a surface for the prior.
+    /// Stores the depth of a surface for the prior.
     fn update_relief(&mut self, surface: &OrganizedSurface) {
         let points = surface.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
         self.relief = Relief::from_points(self.size_px(), points);
@@ -274,8 +274,8 @@ impl Tracker {
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Registers a surface to the model from the last known pose, with a longer reach. The returned pose is that of the
-    /// view it was registered to.
+    /// Registers a surface to the model from the last known pose, with a longer reach. Also returns the pose of the
+    /// view that it was registered to.
     fn relocalize(
         &mut self,
         surface: &OrganizedSurface,
@@ -289,7 +289,7 @@ impl Tracker {
         Ok((Tracking::Relocalized(found), reference, found))
     }
 
-    /// Registers a surface to the model as seen from a pose near `model_from_cam1`. Returns the pose of that view, and
+    /// Registers a surface to the model as seen from a pose near `model_from_cam1`. Returns the pose of that view and
     /// the registration, which may leave part of the pose undetermined.
     fn register_at(
         &mut self,
@@ -312,7 +312,7 @@ impl Tracker {
         Ok((reference, found?))
     }
 
-    /// Accepts a pose found relative to the view at `model_from_reference`, and merges the cloud when it is due.
+    /// Accepts a pose found relative to the view at `model_from_reference`, and merges the cloud if it is due.
     fn accept(
         &mut self,
         cloud: &Cloud,
@@ -333,7 +333,7 @@ impl Tracker {
         };
         known.update(model_from_cam1, &own, time_ns);
         if matches!(tracking, Tracking::Relocalized(_)) {
-            // It did not move evenly, so the filter starts again.
+            // The motion was not smooth, so the filter starts again.
             known.motion = MotionFilter::new(model_from_cam1, &own);
         }
         self.last_known = Some(LastKnown { model_from_cam1, ..known });
@@ -360,8 +360,9 @@ impl Tracker {
     }
 }
 
-/// Renormalizes the rotation. A prediction is a product of three poses, and the next pose is a product with that:
-/// without this, the rounding error of the quaternion's length would triple with every cloud.
+/// Renormalizes the rotation of a pose. A prediction is a product of three poses, and the next pose is a product with
+/// that prediction. Without renormalization, the rounding error of the length of the quaternion would triple with each
+/// cloud.
 fn normalized(mut pose: Pose) -> Pose {
     pose.rotation.renormalize();
     pose

@@ -4,19 +4,19 @@ use nalgebra::{Matrix3, Matrix6, Vector6};
 
 use fringeflow::geometry::{Point3, Pose, Vector3};
 
-/// Covariance of the error of a pose `b_from_a`, as a small motion `x + t + ω × x` of frame b: t (metres) before ω (rad).
+/// Covariance of the error of a pose `b_from_a`. The error is a small motion `x + t + ω × x` of frame b: first t
+/// (metres), then ω (rad).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseCovariance(pub Matrix6<f64>);
 
 impl PoseCovariance {
-    /// The covariance of an exact pose.
+    /// Returns the covariance of an exact pose.
     #[must_use]
     pub fn zero() -> Self {
         Self(Matrix6::zeros())
     }
 
-    /// From the covariance of a translation and a rotation about `centre` in frame b; the rotation leaves the centre in
-    /// place.
+    /// Converts the covariance of a translation and a rotation about `centre`, in frame b.
     #[must_use]
     pub fn about(centre: &Point3, covariance: &Matrix6<f64>) -> Self {
         // t + ω × (x − c) = (t + c × ω) + ω × x.
@@ -25,7 +25,7 @@ impl PoseCovariance {
         Self(origin_from_centre * covariance * origin_from_centre.transpose())
     }
 
-    /// The same error in frame c, where `c_from_b` is the pose of frame b.
+    /// Returns the covariance of the same error in frame c. `c_from_b` is the pose of frame b.
     #[must_use]
     pub fn seen_from(&self, c_from_b: &Pose) -> Self {
         let rotation = *c_from_b.rotation.to_rotation_matrix().matrix();
@@ -36,19 +36,19 @@ impl PoseCovariance {
         Self(adjoint * self.0 * adjoint.transpose())
     }
 
-    /// Variance of the position of a place of frame b along a direction, m².
+    /// Variance of the position of a point of frame b along a direction, m².
     #[must_use]
-    pub fn variance_along(&self, place: &Point3, direction: &Vector3) -> f64 {
-        let turn = place.coords.cross(direction);
+    pub fn variance_along(&self, point: &Point3, direction: &Vector3) -> f64 {
+        let turn = point.coords.cross(direction);
         let row = Vector6::new(direction.x, direction.y, direction.z, turn.x, turn.y, turn.z);
         row.dot(&(self.0 * row)).max(0.0)
     }
 
-    /// Standard deviation of the position of a place of frame b, all directions together, metres.
+    /// Standard deviation of the position of a point of frame b, all directions together, metres.
     #[must_use]
-    pub fn sd_at(&self, place: &Point3) -> f64 {
+    pub fn sd_at(&self, point: &Point3) -> f64 {
         let axes: Matrix3<f64> = Matrix3::identity();
-        let variance: f64 = axes.column_iter().map(|axis| self.variance_along(place, &axis.into_owned())).sum();
+        let variance: f64 = axes.column_iter().map(|axis| self.variance_along(point, &axis.into_owned())).sum();
         variance.sqrt()
     }
 
@@ -75,7 +75,7 @@ mod tests {
         let covariance = about(&centre);
         assert!((covariance.sd_at(&centre) - 3e-4_f64.sqrt()).abs() < 1e-12);
         let beside = centre + Vector3::x();
-        // Two axes move a place beside the centre by 0.1 each.
+        // Rotations about two axes each move a point beside the centre by 0.1.
         assert!((covariance.sd_at(&beside) - (3e-4 + 2e-2_f64).sqrt()).abs() < 1e-12);
         assert!((covariance.variance_along(&beside, &Vector3::x()) - 1e-4).abs() < 1e-12);
         assert!((covariance.rotation_sd_rad() - 0.03_f64.sqrt()).abs() < 1e-12);
@@ -86,9 +86,9 @@ mod tests {
         let centre = Point3::new(0.1, -0.2, 0.3);
         let pose = Pose::new(Vector3::new(0.4, 0.1, -0.7), Vector3::new(0.3, 0.9, -0.2));
         let seen = about(&centre).seen_from(&pose);
-        let (place, direction) = (Point3::new(0.3, 0.3, 0.1), Vector3::new(0.6, 0.0, 0.8));
-        let expected = about(&centre).variance_along(&place, &direction);
-        let found = seen.variance_along(&(pose * place), &(pose.rotation * direction));
+        let (point, direction) = (Point3::new(0.3, 0.3, 0.1), Vector3::new(0.6, 0.0, 0.8));
+        let expected = about(&centre).variance_along(&point, &direction);
+        let found = seen.variance_along(&(pose * point), &(pose.rotation * direction));
         assert!((found - expected).abs() < 1e-12);
     }
 }

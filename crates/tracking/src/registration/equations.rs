@@ -1,37 +1,37 @@
 //! The normal equations of a step, and the covariance of the pose.
 //!
 //! Residuals are weighted by their predicted noise and by Tukey's biweight (Beaton and Tukey 1974), whose scale is the
-//! median of the residuals. Calibration errors and motion move neighbouring points together, so their errors are not
-//! independent, and treating them so would give too small a covariance. The covariance is therefore the sandwich `A⁻¹ B
-//! A⁻¹` for clustered data (Liang and Zeger 1986, "Longitudinal data analysis using generalized linear models"): B sums
-//! the gradients of whole tiles and is as large as they scatter. Smooth errors of the surfaces, which several tiles
-//! share, are added to B by [`super::smooth_error`].
+//! median of the residuals. Calibration errors and motion move neighbouring points together, so residuals are not
+//! independent. Treating them as independent would give too small a covariance. The covariance is therefore the
+//! sandwich estimator `A⁻¹ B A⁻¹` for clustered data (Liang and Zeger 1986, "Longitudinal data analysis using
+//! generalized linear models"): B is the sum of the outer products of the gradients of whole tiles. Smooth errors of
+//! the surfaces, which several tiles share, are added to B by [`super::smooth_error`].
 
 use nalgebra::{Matrix6, Vector6};
 
 use super::association::Pair;
 
-/// Tukey's constant, in standard deviations: 95 % efficient for normal errors (Huber 1981, "Robust Statistics").
-const TUKEY: f64 = 4.685;
+/// Tukey's constant, in standard deviations: 95 % efficiency for normal errors (Huber 1981, "Robust Statistics").
+const TUKEY_CONSTANT: f64 = 4.685;
 /// Median absolute value of a standard normal number.
 const NORMAL_MEDIAN: f64 = 0.6745;
-/// Smallest scale of the residuals, in standard deviations: any scale would do where they vanish.
-const LEAST_SCALE: f64 = 1e-3;
+/// Minimum scale of the residuals, in standard deviations. It avoids a division by zero if they vanish.
+const MIN_SCALE: f64 = 1e-3;
 
-/// Standard deviation of the normalized residuals, from their median: 1 for noise alone.
+/// Returns the standard deviation of the normalized residuals, from their median: 1 for noise alone.
 pub(super) fn scale(pairs: &[Vec<Pair>]) -> f64 {
     let mut magnitudes: Vec<f64> = pairs.iter().flatten().map(|pair| pair.normalized().abs()).collect();
     let middle = magnitudes.len() / 2;
     if magnitudes.is_empty() {
-        return LEAST_SCALE;
+        return MIN_SCALE;
     }
     let (_, median, _) = magnitudes.select_nth_unstable_by(middle, f64::total_cmp);
-    (*median / NORMAL_MEDIAN).max(LEAST_SCALE)
+    (*median / NORMAL_MEDIAN).max(MIN_SCALE)
 }
 
-/// Squared distance of a residual from 0 in units of the outlier limit; 1 and more has no weight.
+/// Square of a residual in units of the outlier limit. A pair with 1 or more has no weight.
 fn outlier_share(pair: &Pair, scale: f64) -> f64 {
-    (pair.normalized() / (TUKEY * scale)).powi(2)
+    (pair.normalized() / (TUKEY_CONSTANT * scale)).powi(2)
 }
 
 /// Weight of a pair, 1/m².
@@ -39,7 +39,7 @@ pub(super) fn weight(pair: &Pair, scale: f64) -> f64 {
     (1.0 - outlier_share(pair, scale)).max(0.0).powi(2) / (pair.sd_m * pair.sd_m)
 }
 
-/// Fewest tiles from which the scatter of their gradients can be estimated.
+/// Minimum number of tiles for estimating the scatter of their gradients.
 const MIN_TILES: usize = 12;
 
 /// Sums over the pairs of all tiles.
@@ -60,7 +60,7 @@ pub(super) struct Equations {
 }
 
 impl Equations {
-    /// Sums over the tiles in their order.
+    /// Sums over the tiles in order.
     pub(super) fn new(pairs: &[Vec<Pair>], scale: f64) -> Self {
         let mut sums = Self {
             information: Matrix6::zeros(),
@@ -94,7 +94,7 @@ impl Equations {
         sums
     }
 
-    /// The step that minimizes the residuals; `None` where it is undetermined.
+    /// Returns the step that minimizes the residuals, or `None` if it is undetermined.
     pub(super) fn step(&self) -> Option<Vector6<f64>> {
         Some(-self.information.cholesky()?.solve(&self.gradient))
     }
@@ -104,7 +104,7 @@ impl Equations {
         (step.dot(&(self.information * step)).max(0.0) / 6.0).sqrt() / scale
     }
 
-    /// Least eigenvalue of the information per unit of weight.
+    /// Smallest eigenvalue of the information per unit of weight.
     pub(super) fn least_eigenvalue(&self) -> f64 {
         if self.weight <= 0.0 {
             return 0.0;
@@ -117,13 +117,12 @@ impl Equations {
         if self.weight > 0.0 { (self.squares / self.weight).sqrt() } else { 0.0 }
     }
 
-    /// Covariance of the step; `None` where it is undetermined.
+    /// Returns the covariance of the step, or `None` if it is undetermined or there are too few tiles.
     ///
-    /// `smooth` is the covariance of the gradient by errors that tiles share.
+    /// `smooth` is the covariance of the gradient caused by errors that tiles share.
     pub(super) fn covariance(&self, smooth: &Matrix6<f64>) -> Option<Matrix6<f64>> {
         let inverse = self.curvature.cholesky()?.inverse();
-        // Six unknowns were fitted to the gradients, which reduces their scatter; little more than six tiles would
-        // leave none.
+        // The fit of six unknowns reduced the scatter of the gradients; with about six tiles no scatter would be left.
         if self.tiles < MIN_TILES {
             return None;
         }

@@ -1,16 +1,17 @@
-//! The iteration: pair, step, pair again; first few points with a long reach, finally many with a short one.
+//! ICP iteration: pair, step, pair again. It starts with few points and a long reach, and ends with many points and a
+//! short reach.
 
 use nalgebra::{Translation3, UnitQuaternion, Vector6};
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
-use super::association::{Association, Motion, Pair};
+use super::association::{Association, Pair, Parametrization};
 use super::covariance::PoseCovariance;
 use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
 use super::smooth_error::gradient_covariance;
 use super::surface::{OrganizedSurface, SurfacePoint};
-use super::thinning::Sampled;
+use super::thinning::SampledPoints;
 
 /// Levels from coarse to fine.
 const LEVELS: [Level; 3] = [
@@ -18,22 +19,23 @@ const LEVELS: [Level; 3] = [
     Level { points: 0.35, reach: 0.3, steps: 8 },
     Level { points: 1.0, reach: 0.1, steps: 12 },
 ];
-/// A step below this number of standard deviations ends a level.
+/// A level ends when a step is below this number of standard deviations.
 const CONVERGED_SD: f64 = 0.05;
-/// A larger last step fails. Pairs change from step to step, so the pose may oscillate a little.
+/// If the last step is larger, the registration fails. Pairs change from step to step, so the pose may oscillate a
+/// little.
 const MAX_LAST_STEP_SD: f64 = 1.0;
 
-/// One level: its share of the points and of the reach, and its largest number of steps.
+/// One level: shares of the points and of the reach, and the maximum number of steps.
 struct Level {
     points: f64,
     reach: f64,
     steps: usize,
 }
 
-/// Result of the steps of a level.
-struct Settled {
+/// Result of the iterations of a level.
+struct LevelResult {
     reference_from_moved: Pose,
-    motion: Motion,
+    parametrization: Parametrization,
     pairs: usize,
     equations: Equations,
     scale: f64,
@@ -42,7 +44,7 @@ struct Settled {
     paired: Vec<Vec<Pair>>,
 }
 
-/// Registers a moved surface to a reference seen by camera 1, from a rough pose.
+/// Registers a moved surface to a reference that camera 1 sees, starting at a rough pose.
 ///
 /// # Errors
 /// [`Lost`], with its reason.
@@ -56,11 +58,11 @@ pub fn register(
     register_loosely(camera, reference, moved, start, settings)?.determined(settings)
 }
 
-/// As [`register`], but also succeeds where the surface nearly maps onto itself under a motion. Along that motion the
-/// pose is meaningless, as its covariance shows.
+/// As [`register`], but also succeeds if a motion maps the surface nearly onto itself. The pose is then meaningless
+/// along that motion, and its covariance shows this.
 ///
 /// # Errors
-/// [`Lost`]; [`Lost::Degenerate`] only for a surface without any relief.
+/// [`Lost`]. [`Lost::Degenerate`] occurs only for a surface without any relief.
 pub fn register_loosely(
     camera: &Camera,
     reference: &OrganizedSurface,
@@ -74,34 +76,34 @@ pub fn register_loosely(
     // judge the last level: overlap, residual, convergence, covariance
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
-    let mut settled = None;
-    let sampled = Sampled::from_surface(moved);
+    let mut last_level = None;
+    let sampled = SampledPoints::from_surface(moved);
     for level in &LEVELS {
         let tiles = sampled.tiles((settings.points as f64 * level.points) as usize);
         let tried: usize = tiles.iter().map(Vec::len).sum();
         let reach_m = settings.reach_share * level.reach * distance_m;
-        let motion = motion_of(&tiles, &pose);
-        let association = Association { camera, reference, reach_m, motion };
-        let found = settle(&association, &tiles, pose, level.steps)?;
+        let parametrization = parametrization_for(&tiles, &pose);
+        let association = Association { camera, reference, reach_m, parametrization };
+        let found = iterate(&association, &tiles, pose, level.steps)?;
         let too_few = found.pairs < settings.min_associated || (found.pairs as f64) < settings.min_share * tried as f64;
-        // Far from its place, a surface has fewer partners: only the last level must have enough.
+        // A surface far from its final pose has fewer partners, so only the last level must have enough.
         if too_few && level.points == 1.0 {
             return Err(Lost::TooFewInCommon { associated: found.pairs, tried });
         }
         pose = found.reference_from_moved;
-        settled = Some((found, tried));
+        last_level = Some((found, tried));
     }
-    let (found, tried) = settled.ok_or(Lost::TooFewInCommon { associated: 0, tried: 0 })?;
+    let (found, tried) = last_level.ok_or(Lost::TooFewInCommon { associated: 0, tried: 0 })?;
     judge(&found, tried, distance_m, settings)
 }
 
-/// Steps until the pose settles or the steps are used up.
-fn settle(
+/// Iterates until the steps are small or their maximum number is reached.
+fn iterate(
     association: &Association<'_>,
     tiles: &[Vec<SurfacePoint>],
     start: Pose,
     steps: usize,
-) -> Result<Settled, Lost> {
+) -> Result<LevelResult, Lost> {
     let mut pose = start;
     let mut last_step_sd = f64::INFINITY;
     let mut taken = 0;
@@ -110,13 +112,21 @@ fn settle(
         let scale = scale(&pairs);
         let equations = Equations::new(&pairs, scale);
         if taken == steps || last_step_sd <= CONVERGED_SD {
-            let (motion, paired) = (association.motion, pairs);
+            let (parametrization, paired) = (association.parametrization, pairs);
             let pairs = paired.iter().map(Vec::len).sum();
-            return Ok(Settled { reference_from_moved: pose, motion, pairs, equations, scale, last_step_sd, paired });
+            return Ok(LevelResult {
+                reference_from_moved: pose,
+                parametrization,
+                pairs,
+                equations,
+                scale,
+                last_step_sd,
+                paired,
+            });
         }
         let step = step(&pairs, &equations)?;
         last_step_sd = equations.step_sd(&step, scale);
-        pose = moved_by(&association.motion, &step) * pose;
+        pose = moved_by(&association.parametrization, &step) * pose;
         taken += 1;
     }
 }
@@ -130,7 +140,7 @@ fn step(pairs: &[Vec<Pair>], equations: &Equations) -> Result<Vector6<f64>, Lost
 }
 
 fn judge(
-    found: &Settled,
+    found: &LevelResult,
     tried: usize,
     distance_m: f64,
     settings: &RegistrationSettings,
@@ -143,10 +153,10 @@ fn judge(
     if found.last_step_sd > MAX_LAST_STEP_SD {
         return Err(Lost::NotConverged { step_sd: found.last_step_sd });
     }
-    let Motion { centre, radius_m } = found.motion;
+    let Parametrization { centre, radius_m } = found.parametrization;
     let smooth = gradient_covariance(&found.paired, found.scale);
     let covariance = equations.covariance(&smooth).ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
-    // The parameters are lengths; the covariance of a pose has its rotation in rad.
+    // The parameters are lengths, but the covariance of a pose has its rotation in rad.
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
     Ok(Registration {
@@ -160,19 +170,20 @@ fn judge(
     })
 }
 
-/// Rotations are about the mean of the points, scaled by their root mean square distance from it.
-fn motion_of(tiles: &[Vec<SurfacePoint>], pose: &Pose) -> Motion {
+/// Returns a parametrization with rotations about the mean of the points, scaled by their root mean square distance
+/// from it.
+fn parametrization_for(tiles: &[Vec<SurfacePoint>], pose: &Pose) -> Parametrization {
     let count = tiles.iter().map(Vec::len).sum::<usize>().max(1) as f64;
     let points = || tiles.iter().flatten().map(|p| (pose * p.position()).coords);
     let centre = points().sum::<Vector3>() / count;
     let square = points().map(|p| (p - centre).norm_squared()).sum::<f64>() / count;
-    Motion { centre: Point3::from(centre), radius_m: square.sqrt().max(f64::MIN_POSITIVE) }
+    Parametrization { centre: Point3::from(centre), radius_m: square.sqrt().max(f64::MIN_POSITIVE) }
 }
 
-/// The small motion of a step.
-fn moved_by(motion: &Motion, step: &Vector6<f64>) -> Pose {
-    let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3) / motion.radius_m);
+/// Returns the small motion of a step.
+fn moved_by(parametrization: &Parametrization, step: &Vector6<f64>) -> Pose {
+    let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(3) / parametrization.radius_m);
     let shift = Vector3::from(step.fixed_rows::<3>(0));
-    let centre = motion.centre.coords;
+    let centre = parametrization.centre.coords;
     Pose::from_parts(Translation3::from(centre + shift - turn * centre), turn)
 }

@@ -1,15 +1,15 @@
 //! Registration of two clouds of the same surface: point-to-plane ICP with projective association.
 //!
-//! In: two [`OrganizedSurface`]s, each in the frame of camera 1 at its time, and a rough pose between them. Out: the
-//! [`Registration`] with the pose, its covariance and its quality, or [`Lost`] with a reason. A point of one surface is
-//! projected with the pose into the image of C1 that shows the other surface, and paired with the point at that pixel
-//! (Blais and Levine 1995, "Registering multiview range data to create 3D computer objects"), so no search tree is
-//! needed. The distances to the planes of the partners are minimized (Chen and Medioni 1992, "Object modelling by
-//! registration of multiple range images"), weighted by predicted noise and by a robust estimator, from few points to
-//! many.
+//! In: two [`OrganizedSurface`]s, each in the frame of camera 1 at its time, and a rough pose between them. Out: a
+//! [`Registration`] with the pose, its covariance and its quality, or [`Lost`] with a reason. Each point of one surface
+//! is projected with the pose into the image of C1 that shows the other surface, and is paired with the point at that
+//! pixel (Blais and Levine 1995, "Registering multiview range data to create 3D computer objects"). So no search tree
+//! is needed. The distances to the planes of the partners are minimized (Chen and Medioni 1992, "Object modelling by
+//! registration of multiple range images"). They are weighted by predicted noise and by a robust estimator. The number
+//! of points grows from level to level.
 //!
-//! Normals cost about 0.1 µs per point, a registration of 8,000 points 9 ms of one core. Sums run over fixed tiles of
-//! the image and are added in order: the same input gives the same bits for any number of threads.
+//! Normals cost about 0.1 µs per point; a registration of 8,000 points costs 9 ms of one core. Sums run over fixed
+//! tiles of the image and are added in order, so the same input gives the same bits for any number of threads.
 
 mod association;
 mod covariance;

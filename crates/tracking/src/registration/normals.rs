@@ -1,10 +1,10 @@
-//! Normals of a surface from its pixel grid.
+//! Computes the normals of a surface from its pixel grid.
 //!
 //! The inverse depth of a plane is linear in the ray: `n·X = d` with `X = z·(ρ, η, 1)` is `1/z = (n/d)·(ρ, η, 1)`. So
 //! `n/d` is a linear least-squares fit to the inverse depths around a pixel, whose noise is nearly uniform. Pixels that
-//! may belong to another surface are left out: first those behind a step that would need a slope steeper than
-//! [`MAX_SLOPE`], then those that do not fit the first plane. It costs about 0.1 µs per point: 32 pixels at once, in
-//! single precision, which resolves inverse depths a thousand times finer than cameras measure them.
+//! may belong to another surface are excluded: first those behind a depth step that would need a slope steeper than
+//! [`MAX_SLOPE`], then those that do not fit the first plane. The cost is about 0.1 µs per point, with 32 pixels at
+//! once. Single precision resolves inverse depths a thousand times finer than cameras measure them.
 
 use rayon::prelude::*;
 
@@ -18,15 +18,15 @@ const REACH_PX: usize = 3;
 const COUNT: usize = (2 * REACH_PX + 1) * (2 * REACH_PX + 1);
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f32 = 5.67;
-/// Fewest points that a plane is fitted to, of 49.
+/// Minimum number of points for a plane, of 49.
 const MIN_POINTS: f32 = 12.0;
-/// Largest residual of the second fit in standard deviations, of noise and bend together.
+/// Maximum residual of the second fit, in standard deviations of noise and bend together.
 const MAX_DEVIATION: f32 = 3.0;
-/// Bend of a surface that is treated as noise, per distance from the pixel.
+/// Bend of the surface that is treated as noise, per distance from the pixel.
 const MAX_BEND: f32 = 0.05;
-/// Least determinant of the centred moments, relative to that of equal moments: below, the points lie on a line.
+/// Minimum determinant of the centred moments, relative to that of equal moments. Below it, the points lie on a line.
 const MIN_SPREAD: f32 = 0.02;
-/// Rows per band; the bands run in parallel.
+/// Rows per band. Bands run in parallel.
 const BAND_ROWS: usize = 32;
 
 /// A pixel of the square, relative to its centre.
@@ -78,7 +78,7 @@ const fn index_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize
 /// Index of a point of the surface, and its normal.
 type WithNormal = (u32, [f32; 3]);
 
-/// The normals towards C1 of the points in every `step_px`-th column and row, where they exist.
+/// Returns the normals towards C1 of the points in every `step_px`-th column and row, if they exist.
 pub(super) fn normals(surface: &OrganizedSurface, step_px: usize) -> Vec<Vec<WithNormal>> {
     normals_at(Level::in_use(), surface, step_px)
 }
@@ -98,19 +98,19 @@ fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<V
     (0..height.div_ceil(BAND_ROWS)).into_par_iter().map(|band| band_normals(band * BAND_ROWS)).collect()
 }
 
-/// The points of some rows as planes of numbers; NaN for pixels without a point, as around the image.
+/// The points of some rows as arrays of numbers. NaN marks pixels without a point, as outside the image.
 struct Planes {
     stride: usize,
     /// ρ and η of the ray `(ρ, η, 1)`.
     rays: [Vec<f32>; 2],
     /// 1/m.
     inverse_depth: Vec<f32>,
-    /// Square of the largest deviation by noise, 1/m².
+    /// Square of the largest deviation that noise explains, 1/m².
     noise: Vec<f32>,
 }
 
 impl Planes {
-    /// `rows` rows from `first_row` on, which may lie above the image.
+    /// Creates the arrays of `rows` rows, starting at `first_row`, which may lie above the image.
     fn new(surface: &OrganizedSurface, first_row: isize, rows: usize) -> Self {
         let [width, _] = surface.size_px();
         let stride = width.next_multiple_of(LANES) + 2 * REACH_PX;
@@ -119,13 +119,13 @@ impl Planes {
         for row in 0..rows {
             let Some(v) = first_row.checked_add_unsigned(row).and_then(|v| usize::try_from(v).ok()) else { continue };
             for (u, point) in surface.row(v).enumerate().filter_map(|(u, point)| Some((u, point?))) {
-                let place = row * stride + REACH_PX + u;
+                let index = row * stride + REACH_PX + u;
                 let [x, y, z] = point.position_m;
                 let inverse_depth = 1.0 / z;
-                planes.rays[0][place] = x * inverse_depth;
-                planes.rays[1][place] = y * inverse_depth;
-                planes.inverse_depth[place] = inverse_depth;
-                planes.noise[place] = (MAX_DEVIATION * point.sigma_m * inverse_depth * inverse_depth).powi(2);
+                planes.rays[0][index] = x * inverse_depth;
+                planes.rays[1][index] = y * inverse_depth;
+                planes.inverse_depth[index] = inverse_depth;
+                planes.noise[index] = (MAX_DEVIATION * point.sigma_m * inverse_depth * inverse_depth).powi(2);
             }
         }
         planes
@@ -166,18 +166,19 @@ impl Kernel for Row<'_> {
 }
 
 impl Row<'_> {
-    /// Stores the normals of the pixels whose bit is set, from a column on.
+    /// Stores the normals of the pixels whose bit is set. `first` is the column of the first bit.
     fn store(&mut self, first: usize, mut pixels: u32, [x, y, z]: &[[f32; LANES]; 3]) {
         while pixels != 0 {
             let lane = pixels.trailing_zeros() as usize;
             pixels &= pixels - 1;
-            if let Some(place) = self.surface.place(first + lane, self.row) {
-                self.found.push((place, [x[lane], y[lane], z[lane]]));
+            if let Some(index) = self.surface.point_index(first + lane, self.row) {
+                self.found.push((index, [x[lane], y[lane], z[lane]]));
             }
         }
     }
 
-    /// Bits of the pixels from a column on that have a point and whose normal is requested.
+    /// Returns a bit for each of `count` pixels from column `first` on: whether it has a point and its normal is
+    /// requested.
     fn requested(&self, first: usize, count: usize) -> u32 {
         let inverse_depth = &self.planes.inverse_depth[self.middle * self.planes.stride + REACH_PX + first..][..count];
         let is_requested = |(k, value): &(usize, &f32)| (first + k).is_multiple_of(self.step_px) && !value.is_nan();
@@ -185,7 +186,7 @@ impl Row<'_> {
     }
 }
 
-/// The squares about 32 adjacent pixels.
+/// The squares around 32 adjacent pixels.
 struct Square<'a> {
     planes: &'a Planes,
     /// Index of the first centre pixel in the planes.
@@ -196,7 +197,7 @@ struct Square<'a> {
 type Sample<L> = [<L as Lanes>::Reals; 3];
 
 impl Square<'_> {
-    /// The normals towards C1, and a mask of the pixels that have one.
+    /// Returns the normals towards C1, and a mask of the pixels that have one.
     #[inline(always)]
     fn normals<L: Lanes>(&self, l: L) -> ([L::Reals; 3], L::Mask) {
         // used = pixels with a point
@@ -204,14 +205,14 @@ impl Square<'_> {
         // plane = fit(used); used = those that fit the plane
         // plane = fit(used); the normal is −(a, b, c) / |(a, b, c)| of 1/z = (a, b, c)·(ρ, η, 1)
         let [x, y, w] = self.at(l, &OFFSETS[0]);
-        // w ≥ w is false for NaN: a pixel without a point.
+        // `w ≥ w` is false for NaN, which marks a pixel without a point.
         let mut used = [l.is_at_least_real(w, w); COUNT];
         let noise = load(l, &self.planes.noise, self.middle);
         self.keep_connected(l, w, noise, &mut used);
         let (first, has_first) = self.moments(l, &used).plane(l);
         self.keep_fitting(l, &first, w, noise, &mut used);
         let (plane, has_plane) = self.moments(l, &used).plane(l);
-        // `n/d`, its length, and that of the ray.
+        // `n/d`, its length, and the length of the ray.
         let Plane { at_middle, slope: [a, b] } = plane;
         let here = l.add_real(w, at_middle);
         let at_origin = l.sub_real(here, l.add_real(l.times_real(a, x), l.times_real(b, y)));
@@ -222,23 +223,23 @@ impl Square<'_> {
         (towards, l.and(is_flat, l.and(has_first, has_plane)))
     }
 
-    /// The sample of the pixels at an offset.
+    /// Returns the samples of the pixels at an offset.
     #[inline(always)]
     fn at<L: Lanes>(&self, l: L, offset: &Offset) -> Sample<L> {
-        let place = self.middle.wrapping_add_signed(offset.row * self.planes.stride as isize + offset.column);
+        let index = self.middle.wrapping_add_signed(offset.row * self.planes.stride as isize + offset.column);
         let Planes { rays: [x, y], inverse_depth, .. } = self.planes;
-        [load(l, x, place), load(l, y, place), load(l, inverse_depth, place)]
+        [load(l, x, index), load(l, y, index), load(l, inverse_depth, index)]
     }
 
-    /// Difference of the samples at two offsets.
+    /// Returns the difference of the samples at two offsets.
     #[inline(always)]
     fn step<L: Lanes>(&self, l: L, from: &Offset, to: &Offset) -> Sample<L> {
         let ([x, y, w], [from_x, from_y, from_w]) = (self.at(l, to), self.at(l, from));
         [l.sub_real(x, from_x), l.sub_real(y, from_y), l.sub_real(w, from_w)]
     }
 
-    /// Keeps the offsets connected to the centre, ring by ring outwards: no step on the way exceeds what [`MAX_SLOPE`] and
-    /// noise explain.
+    /// Keeps the offsets that are connected to the centre, ring by ring outwards: no step on the way may exceed what
+    /// [`MAX_SLOPE`] and noise explain.
     #[inline(always)]
     fn keep_connected<L: Lanes>(&self, l: L, inverse_depth: L::Reals, noise: L::Reals, used: &mut [L::Mask; COUNT]) {
         let slope = square(l, l.times_real(l.real(MAX_SLOPE), inverse_depth));
@@ -250,7 +251,7 @@ impl Square<'_> {
         }
     }
 
-    /// Keeps the offsets whose inverse depth fits a plane, within noise and bend.
+    /// Keeps the offsets whose inverse depth fits a plane within noise and bend.
     #[inline(always)]
     fn keep_fitting<L: Lanes>(
         &self,
@@ -271,7 +272,7 @@ impl Square<'_> {
         }
     }
 
-    /// Sums over the used offsets, of differences from the centre.
+    /// Sums the differences from the centre over the used offsets.
     #[inline(always)]
     fn moments<L: Lanes>(&self, l: L, used: &[L::Mask; COUNT]) -> Moments<L> {
         let (zero, one) = (l.real(0.0), l.real(1.0));
@@ -310,22 +311,22 @@ fn length<L: Lanes>(l: L, [x, y, z]: Sample<L>) -> L::Reals {
 }
 
 #[inline(always)]
-fn load<L: Lanes>(l: L, plane: &[f32], place: usize) -> L::Reals {
-    l.load_reals(&filled(&plane[place..], f32::NAN))
+fn load<L: Lanes>(l: L, plane: &[f32], index: usize) -> L::Reals {
+    l.load_reals(&filled(&plane[index..], f32::NAN))
 }
 
-/// Number of samples, sums of x, y, w, and of xx, xy, yy, xw, yw.
+/// Number of samples, sums of x, y, w, and sums of xx, xy, yy, xw, yw.
 struct Moments<L: Lanes>([L::Reals; 9]);
 
-/// Inverse depth as a linear function of the ray's difference from the centre; `at_middle` is the offset at the centre
-/// itself.
+/// Inverse depth as a linear function of the difference of the ray from the centre. `at_middle` is the difference of
+/// the inverse depth at the centre itself.
 struct Plane<L: Lanes> {
     at_middle: L::Reals,
     slope: [L::Reals; 2],
 }
 
 impl<L: Lanes> Moments<L> {
-    /// The least-squares planes, and where they exist: not for too few samples, or samples on a line.
+    /// Returns the least-squares planes, and a mask where they exist: not for too few samples or samples on a line.
     #[inline(always)]
     fn plane(self, l: L) -> (Plane<L>, L::Mask) {
         let Self([count, x, y, w, xx, xy, yy, xw, yw]) = self;
@@ -409,7 +410,7 @@ mod tests {
 
     #[test]
     fn every_level_has_the_same_bits() {
-        // A width that is no multiple of the lanes, and missing points.
+        // A width that is not a multiple of the lanes, and missing points.
         let surface = surface_of(&camera_of([77, 53]), 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
         for step_px in [1, 3] {
             let expected = normals_at(Level::Portable, &surface, step_px);

@@ -4,21 +4,21 @@ use fringeflow::geometry::Pose;
 
 use super::PoseCovariance;
 
-/// Limits of a registration. Distances are shares of the distance from the camera, so that they fit scanners of any
-/// size.
+/// Limits of a registration. Distances are given as shares of the distance from the camera, so that they suit scanners
+/// of any size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RegistrationSettings {
-    /// Largest distance between points that are paired at first; 0.016 is 5 mm at 0.3 m.
+    /// Largest distance between paired points at the first level. 0.016 is 5 mm at 0.3 m.
     pub reach_share: f64,
-    /// Points of the moved surface at the last and finest level.
+    /// Number of points of the moved surface at the last and finest level.
     pub points: usize,
-    /// Fewest pairs of points.
+    /// Minimum number of point pairs.
     pub min_associated: usize,
-    /// Least share of the tried points that have a partner.
+    /// Minimum share of the tried points with a partner.
     pub min_share: f64,
-    /// Largest root mean square of the residuals.
+    /// Maximum root mean square of the residuals.
     pub max_rms_share: f64,
-    /// Least eigenvalue of the normalized information, see [`Lost::Degenerate`].
+    /// Minimum of the smallest eigenvalue of the normalized information, see [`Lost::Degenerate`].
     pub min_eigenvalue: f64,
 }
 
@@ -35,27 +35,27 @@ impl Default for RegistrationSettings {
     }
 }
 
-/// A pose that was found.
+/// A successful registration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
-    /// Maps points of the moved surface into the frame of the reference.
+    /// Pose that maps points of the moved surface into the frame of the reference.
     pub reference_from_moved: Pose,
-    /// Covariance of the pose, frame of the reference.
+    /// Covariance of the pose in the frame of the reference.
     pub covariance: PoseCovariance,
     /// Number of point pairs.
     pub associated: usize,
-    /// Their share of the tried points.
+    /// Share of the tried points that have a partner.
     pub share: f64,
     /// Root mean square of the distances to the planes, metres.
     pub rms_m: f64,
-    /// Factor by which the residuals exceed the noise of their points.
+    /// Ratio of the residuals to the noise of their points.
     pub excess: f64,
-    /// Least eigenvalue of the normalized information, see [`Lost::Degenerate`].
+    /// Smallest eigenvalue of the normalized information, see [`Lost::Degenerate`].
     pub least_eigenvalue: f64,
 }
 
 impl Registration {
-    /// The registration, if the surface determines the whole pose.
+    /// Returns the registration if the surface determines the whole pose.
     ///
     /// # Errors
     /// [`Lost::Degenerate`].
@@ -69,7 +69,7 @@ impl Registration {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Lost {
     /// The surfaces overlap too little.
-    #[error("{associated} of {tried} points have a partner")]
+    #[error("only {associated} of {tried} points have a partner")]
     TooFewInCommon {
         /// Points with a partner.
         associated: usize,
@@ -77,18 +77,18 @@ pub enum Lost {
         tried: usize,
     },
     /// The surfaces do not coincide.
-    #[error("the surfaces are {rms_m:e} m apart (rms), allowed are {limit_m:e} m")]
+    #[error("the surfaces are {rms_m:e} m apart (rms), the limit is {limit_m:e} m")]
     ResidualTooLarge {
         /// Root mean square of the residuals, metres.
         rms_m: f64,
         /// The limit, metres.
         limit_m: f64,
     },
-    /// A motion hardly changes the distances: along a plane, or about an axis of symmetry.
-    #[error("a motion is not determined by the surface: least eigenvalue {eigenvalue:e}")]
+    /// A motion hardly changes the distances: a motion along a plane, or about an axis of symmetry.
+    #[error("the pose is not determined by the surface: smallest eigenvalue {eigenvalue:e}")]
     Degenerate {
-        /// Least eigenvalue of `Σ w J Jᵀ / Σ w`, where J is the derivative of a residual by a translation, and by a
-        /// rotation about the centre that moves the points as far on average; 1/3 at best.
+        /// Smallest eigenvalue of `Σ w J Jᵀ / Σ w`, at most 1/3. J is the derivative of a residual with respect to a
+        /// translation and to a rotation about the centre that moves the points as far on average.
         eigenvalue: f64,
     },
     /// The last steps were still large.

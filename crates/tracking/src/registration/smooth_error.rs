@@ -1,11 +1,12 @@
-//! Effect of a smooth error of the surfaces on the pose: calibration errors, or motion within a window.
+//! Estimates the effect of a smooth error of the surfaces on the pose: calibration errors, or motion within a window.
 //!
-//! Such an error is far below the noise of a point. But noise averages out over thousands of points and a smooth error
-//! does not: it has as many independent values as areas over which it changes. Residuals are therefore averaged over
-//! cells of the image and modelled as a Gaussian field with noise (Cressie 1993, "Statistics for Spatial Data"):
-//! covariance `σ²·exp(−d²/2ℓ²)` between cells at a distance d, plus noise by the weights of their points. σ and ℓ come
-//! from a grid search for the highest restricted likelihood (Patterson and Thompson 1971, "Recovery of inter-block
-//! information when block sizes are unequal"), since the fitted pose has removed six degrees of freedom.
+//! Such an error is far below the noise of a point. But noise averages out over thousands of points, and a smooth error
+//! does not: it has only as many independent values as areas over which it changes. Residuals are therefore averaged
+//! over cells of the image, and modelled as a Gaussian field plus noise (Cressie 1993, "Statistics for Spatial Data"):
+//! covariance `σ²·exp(−d²/2ℓ²)` between cells at a distance d, and noise according to the weights of their points. A
+//! grid search finds σ and ℓ with the highest restricted likelihood (Patterson and Thompson 1971, "Recovery of
+//! inter-block information when block sizes are unequal"). The likelihood is restricted because the fitted pose has
+//! removed six degrees of freedom.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix6, Vector6};
 
@@ -14,15 +15,15 @@ use super::equations::weight;
 
 /// Cells along the longer side of the visible surface.
 const CELLS_ACROSS: usize = 8;
-/// Fewest pairs in a cell.
+/// Minimum number of pairs in a cell.
 const MIN_PAIRS: usize = 8;
-/// Fewest cells: there must be well more than the six parameters of a pose.
+/// Minimum number of cells: well more than the six parameters of a pose.
 const MIN_CELLS: usize = 16;
-/// Lengths ℓ of the grid, cells. Longer ones resemble a change of pose, and residuals cannot show them.
+/// Lengths ℓ of the grid, cells. Longer ones resemble a change of the pose, so residuals cannot show them.
 const LENGTHS: [f64; 4] = [1.0, 1.5, 2.25, 3.4];
 /// Variances σ² of the grid, in units of the median noise variance of a cell.
 const VARIANCES: [f64; 8] = [0.0625, 0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
-/// A smooth error must improve the misfit by this much: twice its two parameters (Akaike 1974, "A new look at the
+/// Minimum improvement of the misfit by a smooth error: twice its two parameters (Akaike 1974, "A new look at the
 /// statistical model identification").
 const MIN_GAIN: f64 = 4.0;
 
@@ -37,17 +38,17 @@ struct Cell {
     /// `Σ w J`: change of the gradient by an error that all points of the cell share.
     row: Vector6<f64>,
     /// Position in the image, cells.
-    place: [f64; 2],
+    position: [f64; 2],
 }
 
-/// Covariance of the gradient `Σ w r J` by the smooth error; zero where none is found.
+/// Returns the covariance of the gradient `Σ w r J` caused by a smooth error; zero if there is none.
 pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f64> {
     let cells = cells(pairs, scale);
     if cells.len() < MIN_CELLS {
         return Matrix6::zeros();
     }
     let field = Field::new(&cells, scale);
-    // Without a smooth error first; MIN_GAIN is the price of its two parameters.
+    // Start without a smooth error. Its two parameters must reduce the misfit by more than MIN_GAIN.
     let mut best = (field.misfit(&DMatrix::zeros(cells.len(), cells.len())) - MIN_GAIN, None);
     for length in LENGTHS {
         let correlation = correlation(&cells, length);
@@ -59,7 +60,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
             }
         }
     }
-    // Carries the covariance of the cells over to the gradient.
+    // Transfer the covariance of the cells to the gradient.
     let rows = DMatrix::from_fn(6, cells.len(), |axis, cell| cells[cell].row[axis]);
     best.1.map_or_else(Matrix6::zeros, |covariance| {
         let sum = &rows * covariance * rows.transpose();
@@ -67,7 +68,7 @@ pub(super) fn gradient_covariance(pairs: &[Vec<Pair>], scale: f64) -> Matrix6<f6
     })
 }
 
-/// The cells with enough pairs.
+/// Returns the cells with enough pairs.
 fn cells(pairs: &[Vec<Pair>], scale: f64) -> Vec<Cell> {
     let all = || pairs.iter().flatten();
     let [columns, rows] = [0, 1].map(|axis| {
@@ -86,7 +87,7 @@ fn cells(pairs: &[Vec<Pair>], scale: f64) -> Vec<Cell> {
         cell.weight += weight;
         cell.residual += weight * pair.residual_m;
         cell.row += pair.row * weight;
-        cell.place = [column as f64, row as f64];
+        cell.position = [column as f64, row as f64];
     }
     cells.retain(|cell| cell.pairs >= MIN_PAIRS && cell.weight > 0.0);
     cells
@@ -94,15 +95,15 @@ fn cells(pairs: &[Vec<Pair>], scale: f64) -> Vec<Cell> {
 
 fn correlation(cells: &[Cell], length: f64) -> DMatrix<f64> {
     DMatrix::from_fn(cells.len(), cells.len(), |a, b| {
-        let [x, y] = [0, 1].map(|axis| cells[a].place[axis] - cells[b].place[axis]);
+        let [x, y] = [0, 1].map(|axis| cells[a].position[axis] - cells[b].position[axis]);
         (-(x * x + y * y) / (2.0 * length * length)).exp()
     })
 }
 
-/// Mean residuals of the cells, and their change with the pose.
+/// Mean residuals of the cells, and their derivatives.
 struct Field {
     residuals: DVector<f64>,
-    /// Mean derivatives of the residuals by translation and rotation, one row per cell.
+    /// Mean derivatives of the residuals with respect to translation and rotation, one row per cell.
     design: DMatrix<f64>,
     /// Variance of each mean by the noise of its points.
     noise: DVector<f64>,
@@ -122,7 +123,7 @@ impl Field {
         }
     }
 
-    /// Misfit of the residuals under a covariance of the smooth error: −2 times the restricted log-likelihood.
+    /// Misfit of the residuals for a covariance of the smooth error: −2 times the restricted log-likelihood.
     fn misfit(&self, smooth: &DMatrix<f64>) -> f64 {
         let all = smooth + DMatrix::from_diagonal(&self.noise);
         let Some(all) = Cholesky::new(all) else { return f64::INFINITY };
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_smooth_error_and_a_smooth_error_has_its_size() {
+    fn noise_is_not_taken_for_a_smooth_error_and_a_smooth_error_is_found() {
         let shift_variance = |smooth_m: f64| {
             let of_seed = |seed| gradient_covariance(&pairs(smooth_m, seed), 1.0)[(2, 2)];
             let mut variances: Vec<f64> = (0..9).map(of_seed).collect();

@@ -10,7 +10,7 @@ use super::normals::normals;
 pub struct SurfacePoint {
     /// Position, frame of C1, metres.
     pub position_m: [f32; 3],
-    /// Normal towards C1, length 1; `None` at edges and where too few points are near.
+    /// Unit normal towards C1; `None` at edges, and if too few points are near.
     pub normal: Option<[f32; 3]>,
     /// Standard deviation along the ray, metres.
     pub sigma_m: f32,
@@ -21,31 +21,31 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The position, frame of C1, metres.
+    /// Position in the frame of C1, metres.
     #[must_use]
     pub fn position(&self) -> Point3 {
         Point3::from(self.position_m.map(f64::from))
     }
 
-    /// The normal, frame of C1.
+    /// Normal in the frame of C1.
     #[must_use]
     pub fn unit_normal(&self) -> Option<Vector3> {
         self.normal.map(|normal| Vector3::from(normal.map(f64::from)))
     }
 }
 
-/// Points by their pixel of C1.
+/// The points of a surface, addressed by their pixel of C1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OrganizedSurface {
     size_px: [usize; 2],
-    /// Index of the point of every pixel, row by row, or [`NONE`].
-    places: Vec<u32>,
+    /// Index of the point of each pixel, row by row, or [`NONE`].
+    indices: Vec<u32>,
     points: Vec<SurfacePoint>,
-    /// Normals were computed in every `normal_step_px`-th column and row.
+    /// Stride of the columns and rows with normals.
     normal_step_px: usize,
 }
 
-/// Stride of columns and rows that keeps about `count` of `points` points; at least 1.
+/// Returns the stride of columns and rows that keeps about `count` of `points` points; at least 1.
 pub(super) fn grid_step(points: usize, count: usize) -> usize {
     ((points as f64 / count.max(1) as f64).sqrt().round() as usize).max(1)
 }
@@ -54,9 +54,10 @@ pub(super) fn grid_step(points: usize, count: usize) -> usize {
 const NONE: u32 = u32::MAX;
 
 impl OrganizedSurface {
-    /// A cloud of C1 with images of `size_px` (width, height), and the normals from its pixel grid.
+    /// Creates the surface of a cloud of C1 with images of `size_px` (width, height), and computes normals from the
+    /// pixel grid.
     ///
-    /// Points outside the image are left out, as are those that do not lie in front of the camera.
+    /// Skips points outside the image, and points that are not in front of the camera.
     #[must_use]
     pub fn from_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
         let mut surface = Self::without_normals(cloud, size_px);
@@ -64,8 +65,8 @@ impl OrganizedSurface {
         surface
     }
 
-    /// [`Self::from_cloud`] with normals of about `count` points only, on a regular grid of pixels: enough for a
-    /// registration, in part of the time.
+    /// [`Self::from_cloud`] with normals for only about `count` points, on a regular grid of pixels. This is enough for
+    /// a registration and takes less time.
     #[must_use]
     pub fn sampled(cloud: &Cloud, size_px: [usize; 2], count: usize) -> Self {
         let mut surface = Self::without_normals(cloud, size_px);
@@ -92,24 +93,24 @@ impl OrganizedSurface {
         }
     }
 
-    /// Points with their normals; of two at a pixel the later one stays.
+    /// Creates a surface from points with their normals. Of two points at one pixel, the later one stays.
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
         let points = points.into_iter();
-        let scratch = Vec::with_capacity(points.size_hint().0);
-        let mut surface = Self { size_px, places: vec![NONE; width * height], points: scratch, normal_step_px: 1 };
+        let storage = Vec::with_capacity(points.size_hint().0);
+        let mut surface = Self { size_px, indices: vec![NONE; width * height], points: storage, normal_step_px: 1 };
         for point in points {
             let [u, v] = point.cam1_px.map(usize::from);
             let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();
             if u < width && v < height && is_measured {
-                surface.places[v * width + u] = surface.points.len() as u32;
+                surface.indices[v * width + u] = surface.points.len() as u32;
                 surface.points.push(point);
             }
         }
         surface
     }
 
-    /// Columns and rows from one normal to the next.
+    /// Stride of the columns and rows with normals.
     pub(super) fn normal_step_px(&self) -> usize {
         self.normal_step_px
     }
@@ -126,28 +127,28 @@ impl OrganizedSurface {
         &self.points
     }
 
-    /// The point of a pixel; `None` where there is none or outside the image.
+    /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
     #[must_use]
     pub fn at(&self, column: isize, row: isize) -> Option<&SurfacePoint> {
-        let place = self.place(usize::try_from(column).ok()?, usize::try_from(row).ok()?)?;
-        Some(&self.points[place as usize])
+        let index = self.point_index(usize::try_from(column).ok()?, usize::try_from(row).ok()?)?;
+        Some(&self.points[index as usize])
     }
 
-    /// Index of the point of a pixel; `None` where there is none or outside the image.
-    pub(super) fn place(&self, column: usize, row: usize) -> Option<u32> {
+    /// Returns the index of the point of a pixel, or `None` if the pixel has none or is outside the image.
+    pub(super) fn point_index(&self, column: usize, row: usize) -> Option<u32> {
         let [width, height] = self.size_px;
-        let place = (column < width && row < height).then(|| self.places[row * width + column])?;
-        (place != NONE).then_some(place)
+        let index = (column < width && row < height).then(|| self.indices[row * width + column])?;
+        (index != NONE).then_some(index)
     }
 
-    /// The points of a row by column; none outside the image.
+    /// Iterates over the points of a row by column. A row outside the image has none.
     pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Option<&SurfacePoint>> {
         let width = self.size_px[0];
-        let places = self.places.get(row * width..(row + 1) * width).unwrap_or_default();
-        places.iter().map(|&place| self.points.get(place as usize))
+        let indices = self.indices.get(row * width..(row + 1) * width).unwrap_or_default();
+        indices.iter().map(|&index| self.points.get(index as usize))
     }
 
-    /// Mean of the points, frame of C1, metres; the origin for none.
+    /// Mean of the points in the frame of C1, metres; the origin if there are none.
     #[must_use]
     pub fn centre(&self) -> Point3 {
         let sum: Vector3 = self.points.iter().map(|p| p.position().coords).sum();

@@ -1,4 +1,4 @@
-//! Registration of simulated surfaces with known poses and noise.
+//! Registers simulated surfaces with known poses and noise.
 
 use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
@@ -9,7 +9,7 @@ use fringeflow::geometry::{Camera, Distortion, Pixel, Point3, Pose, Vector3};
 
 use super::*;
 
-/// A normal deviate of mean 0 and sd 1 (Box and Muller 1958).
+/// Returns a normally distributed number of mean 0 and standard deviation 1 (Box and Muller 1958).
 fn standard_normal(rng: &mut ChaCha8Rng) -> f64 {
     let (a, b): (f64, f64) = (rng.random(), rng.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
@@ -26,7 +26,7 @@ pub(crate) fn camera_of(size_px: [usize; 2]) -> Camera {
     Camera::new([focal, focal * 1.001], principal, Distortion::from_opencv(&[-0.12, 0.3, 1e-3, -5e-4]), size_px)
 }
 
-/// Cloud of a surface with noise along the rays. `meet` intersects a ray (z = 1) with the surface.
+/// Creates the cloud of a surface with noise along the rays. `meet` intersects a ray (z = 1) with the surface.
 pub(crate) fn cloud_of(camera: &Camera, sigma_m: f64, seed: u64, meet: impl Fn(&Vector3) -> Option<Point3>) -> Cloud {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut points = Vec::new();
@@ -57,7 +57,7 @@ pub(crate) fn surface_of(
     OrganizedSurface::from_cloud(&cloud, [camera.width_px(), camera.height_px()])
 }
 
-/// Intersection of the ray of a camera at `world_from_cam1` with hills of some height, about 0.3 m away.
+/// Intersects the ray of a camera at `world_from_cam1` with hills of a height, about 0.3 m away.
 pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Option<Point3> {
     let world_z =
         |p: &Point3| 0.3 + height_m * ((p.x * 90.0).sin() + (p.y * 75.0 + 0.4).cos() + (p.x * 40.0 - p.y * 55.0).sin());
@@ -69,7 +69,7 @@ pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Opt
     Some(Point3::from(ray * depth))
 }
 
-/// Hills of 4 mm in front of a camera in the world's frame.
+/// Intersects a ray with hills of 4 mm, in the frame of the world.
 pub(crate) fn bowl(ray: &Vector3) -> Option<Point3> {
     hills(&Pose::identity(), 0.004, ray)
 }
@@ -78,7 +78,7 @@ fn motion() -> Pose {
     Pose::new(Vector3::new(0.0021, -0.0013, 0.0008), Vector3::new(0.004, -0.006, 0.008))
 }
 
-/// The error of a pose as translation and rotation about the origin.
+/// Returns the error of a pose as a translation and a rotation about the origin.
 fn error(found: &Pose, truth: &Pose) -> Vector6<f64> {
     let off = found * truth.inverse();
     let (shift, turn) = (off.translation.vector, off.rotation.scaled_axis());
@@ -97,7 +97,7 @@ fn without_noise_the_pose_is_found() {
     let found = registered(&camera_of([320, 256]), 0.0, 1);
     let centre = Point3::new(0.0, 0.0, 0.3);
     let off_m = (found.reference_from_moved * centre - motion() * centre).norm();
-    // A point beside the centre of a pixel lies off its plane by the bend of the surface, here up to 1 µm.
+    // A point off the centre of a pixel lies off its plane because the surface bends, here by up to 1 µm.
     assert!(off_m < 5e-7, "{off_m:e} m off");
     assert!(found.share > 0.8 && found.rms_m < 1e-6, "{found:?}");
 }
@@ -118,7 +118,7 @@ fn the_covariance_matches_the_scatter_of_the_poses() {
 
 #[test]
 fn errors_shared_by_neighbours_are_not_independent() {
-    // A ripple of 0.05 mm that moves with the camera, as motion within a window causes it.
+    // A ripple of 0.05 mm that moves with the camera, as motion within a window produces.
     let camera = camera_of([160, 128]);
     let rippled = |pose: Pose, phase: f64| {
         move |ray: &Vector3| {
@@ -172,9 +172,9 @@ fn another_surface_is_refused() {
 }
 
 #[test]
-fn threads_change_no_bit() {
+fn the_number_of_threads_changes_no_bit() {
     let camera = camera();
-    let of_threads =
+    let with_threads =
         |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| registered(&camera, 3e-5, 1));
-    assert_eq!(of_threads(1), of_threads(3));
+    assert_eq!(with_threads(1), with_threads(3));
 }

@@ -1,4 +1,4 @@
-//! Controls of a device: what can be set, within which bounds, and how it is set at this moment.
+//! Controls of a device: their types, bounds and current values.
 
 use std::fmt;
 
@@ -11,39 +11,39 @@ use crate::ioctl::{CallError, Device, QUERY_EXT_CTRL, QUERYMENU, menu_item, zero
 
 use super::capability::text;
 
-/// Most controls of a device that are read.
-const MOST_CONTROLS: usize = 1024;
-/// Most items of a menu that are read.
-const MOST_ITEMS: u32 = 256;
+/// Maximum number of controls that are read from a device.
+const MAX_CONTROLS: usize = 1024;
+/// Maximum number of items that are read from a menu.
+const MAX_ITEMS: u32 = 256;
 
 /// A control.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Control {
-    /// V4L2's number of it.
+    /// V4L2 control ID.
     #[serde(skip)]
     pub id: u32,
-    /// Its name as `v4l2-ctl` and the configuration write it.
+    /// Name as `v4l2-ctl` and the configuration write it.
     pub name: String,
-    /// Its name as the driver writes it.
+    /// Name as the driver writes it.
     pub title: String,
-    /// What its value is.
+    /// Type of its value.
     pub kind: ControlKind,
-    /// Least value; of a text, its least length in bytes.
+    /// Least value; for a text, its least length in bytes.
     pub least: i64,
-    /// Greatest value; of a text, its greatest length in bytes; of bits, all that can be set.
+    /// Greatest value; for a text, its greatest length in bytes; for a bit mask, all bits that can be set.
     pub greatest: i64,
-    /// From one value to the next; 0 where it does not matter.
+    /// Step between values; 0 if steps do not apply.
     pub step: u64,
-    /// Value that the driver begins with.
+    /// Initial value of the driver.
     pub default: i64,
     /// `V4L2_CTRL_FLAG_…`.
-    #[serde(serialize_with = "flag_names")]
+    #[serde(serialize_with = "serialize_flags")]
     pub flags: u32,
     /// Items of a menu.
     pub items: Vec<MenuItem>,
 }
 
-/// An item of a menu.
+/// A menu item.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct MenuItem {
     /// Its number.
@@ -52,27 +52,27 @@ pub struct MenuItem {
     pub name: String,
 }
 
-/// What the value of a control is.
+/// Type of the value of a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControlKind {
-    /// A number of 32 bits.
+    /// Integer of 32 bits.
     Integer,
-    /// A number of 64 bits.
+    /// Integer of 64 bits.
     Integer64,
     /// On or off.
     Boolean,
-    /// One of several items with names.
+    /// One of several named items.
     Menu,
     /// One of several numbers.
     IntegerMenu,
-    /// Bits.
+    /// Bit mask of 32 bits.
     Bitmask,
-    /// Nothing: it does something when it is pressed.
+    /// No value: setting it triggers an action.
     Button,
-    /// A text.
+    /// Text.
     Text,
-    /// Something that cannot be written in a configuration.
+    /// An array or struct, which a configuration cannot express.
     Compound,
 }
 
@@ -88,45 +88,45 @@ const FLAGS: [(u32, &str); 8] = [
     (sys::V4L2_CTRL_FLAG_UPDATE, "update"),
 ];
 
-/// All controls of a device that can be written in a configuration.
+/// Lists the controls of a device that a configuration can express.
 ///
 /// # Errors
 /// The device is gone.
-pub(crate) fn all(device: &Device) -> Result<Vec<Control>, CallError> {
+pub(crate) fn list_controls(device: &Device) -> Result<Vec<Control>, CallError> {
     let next = sys::V4L2_CTRL_FLAG_NEXT_CTRL;
     let mut found: Vec<Control> = Vec::new();
     let mut id = 0;
-    while found.len() < MOST_CONTROLS {
-        let control = match query(device, id | next) {
+    while found.len() < MAX_CONTROLS {
+        let control = match query_control(device, id | next) {
             Ok(control) => control,
-            // After the last one; or a device without controls.
+            // The list has ended, or the device has no controls.
             Err(error) if matches!(error.errno(), Some(Errno::INVAL | Errno::NOTTY)) => break,
             Err(error) => return Err(error),
         };
-        // The next one has a greater number; a driver that says otherwise would never end.
+        // IDs must increase; otherwise a faulty driver could keep this loop running.
         if control.id <= id {
             break;
         }
         id = control.id;
         found.push(control);
     }
-    let is_disabled = |control: &Control| control.has(sys::V4L2_CTRL_FLAG_DISABLED);
+    let is_disabled = |control: &Control| control.has_flag(sys::V4L2_CTRL_FLAG_DISABLED);
     found.retain(|control| control.kind != ControlKind::Compound && !is_disabled(control));
     Ok(found)
 }
 
-/// A control as it is at this moment, by its number.
+/// Reads the current state of a control.
 ///
 /// # Errors
-/// There is none of this number, or the device is gone.
-pub(crate) fn query(device: &Device, id: u32) -> Result<Control, CallError> {
+/// There is no control with this ID, or the device is gone.
+pub(crate) fn query_control(device: &Device, id: u32) -> Result<Control, CallError> {
     let mut answer = sys::v4l2_query_ext_ctrl { id, ..zeroed() };
     device.call(&QUERY_EXT_CTRL, &mut answer)?;
     let title = text(&answer.name.map(|byte| byte as u8));
-    let kind = ControlKind::of(&answer);
+    let kind = ControlKind::from_query(&answer);
     Ok(Control {
         id: answer.id,
-        name: name_of(&title),
+        name: control_name(&title),
         title,
         kind,
         least: answer.minimum,
@@ -134,16 +134,16 @@ pub(crate) fn query(device: &Device, id: u32) -> Result<Control, CallError> {
         step: answer.step,
         default: answer.default_value,
         flags: answer.flags,
-        items: if kind.is_menu() { items(device, &answer) } else { Vec::new() },
+        items: if kind.is_menu() { menu_items(device, &answer) } else { Vec::new() },
     })
 }
 
-fn items(device: &Device, menu: &sys::v4l2_query_ext_ctrl) -> Vec<MenuItem> {
+fn menu_items(device: &Device, menu: &sys::v4l2_query_ext_ctrl) -> Vec<MenuItem> {
     let first = u32::try_from(menu.minimum).unwrap_or(0);
-    let last = u32::try_from(menu.maximum).unwrap_or(0).min(first.saturating_add(MOST_ITEMS));
+    let last = u32::try_from(menu.maximum).unwrap_or(0).min(first.saturating_add(MAX_ITEMS - 1));
     let item = |index| {
         let mut item = sys::v4l2_querymenu { id: menu.id, index, ..zeroed() };
-        // Menus have gaps.
+        // A menu may have gaps, where the driver refuses the call.
         device.call(&QUERYMENU, &mut item).ok()?;
         let (name, value) = menu_item(&item);
         let is_number = menu.type_ == sys::v4l2_ctrl_type_V4L2_CTRL_TYPE_INTEGER_MENU;
@@ -154,7 +154,7 @@ fn items(device: &Device, menu: &sys::v4l2_query_ext_ctrl) -> Vec<MenuItem> {
 }
 
 impl ControlKind {
-    fn of(control: &sys::v4l2_query_ext_ctrl) -> Self {
+    fn from_query(control: &sys::v4l2_query_ext_ctrl) -> Self {
         if control.elems > 1 || control.nr_of_dims > 0 {
             return Self::Compound;
         }
@@ -175,47 +175,47 @@ impl ControlKind {
         matches!(self, Self::Menu | Self::IntegerMenu)
     }
 
-    /// Whether setting it may change what others can be.
+    /// Whether setting the control may change the bounds and flags of others.
     pub(crate) fn is_choice(self) -> bool {
         self.is_menu() || self == Self::Boolean
     }
 }
 
 impl Control {
-    pub(crate) fn has(&self, flag: u32) -> bool {
+    pub(crate) fn has_flag(&self, flag: u32) -> bool {
         self.flags & flag != 0
     }
 
-    /// Whether what is read is what was written.
-    pub(crate) fn keeps_its_value(&self) -> bool {
-        let forgets = sys::V4L2_CTRL_FLAG_WRITE_ONLY | sys::V4L2_CTRL_FLAG_VOLATILE;
-        self.kind != ControlKind::Button && !self.has(forgets)
+    /// Whether the control reads back the value that was written.
+    pub(crate) fn reads_back(&self) -> bool {
+        let not_kept = sys::V4L2_CTRL_FLAG_WRITE_ONLY | sys::V4L2_CTRL_FLAG_VOLATILE;
+        self.kind != ControlKind::Button && !self.has_flag(not_kept)
     }
 
-    /// Its value; `None` where it has none that can be read.
+    /// Reads the value. Returns `None` if the control has no readable value.
     ///
     /// # Errors
-    /// The device refuses to tell.
+    /// The device refuses the call.
     pub(crate) fn read(&self, device: &Device) -> Result<Option<ControlValue>, CallError> {
-        if self.kind == ControlKind::Button || self.has(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
+        if self.kind == ControlKind::Button || self.has_flag(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
             return Ok(None);
         }
         if self.kind == ControlKind::Text {
-            let longest = u32::try_from(self.greatest).unwrap_or(0);
-            return Ok(Some(ControlValue::Text(device.text(self.id, longest)?)));
+            let max_bytes = u32::try_from(self.greatest).unwrap_or(0);
+            return Ok(Some(ControlValue::Text(device.string_control(self.id, max_bytes)?)));
         }
-        let number = device.number(self.id, self.kind == ControlKind::Integer64)?;
+        let number = device.integer_control(self.id, self.kind == ControlKind::Integer64)?;
         Ok(Some(match self.kind {
             ControlKind::Boolean => ControlValue::Switch(number != 0),
-            // Bits of an unsigned number.
+            // The call carries the unsigned bits as a signed number.
             ControlKind::Bitmask => ControlValue::Number(number & i64::from(u32::MAX)),
             _ => ControlValue::Number(number),
         }))
     }
 
-    /// A value as people read it: that of a menu with the name of its item, bits as such.
+    /// Formats a value for people: menu items with their names, bit masks in hexadecimal.
     #[must_use]
-    pub fn shown(&self, value: &ControlValue) -> String {
+    pub fn value_text(&self, value: &ControlValue) -> String {
         if let (ControlKind::Bitmask, ControlValue::Number(bits)) = (self.kind, value) {
             return format!("0x{bits:x}");
         }
@@ -225,17 +225,17 @@ impl Control {
 }
 
 impl fmt::Display for Control {
-    /// Which values it takes.
+    /// Describes the values that the control takes.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { least, greatest, step, default, .. } = self;
         match self.kind {
             ControlKind::Integer | ControlKind::Integer64 => {
-                write!(f, "a number from {least} to {greatest}{}, default {default}", steps(*step))
+                write!(f, "a number from {least} to {greatest}{}, default {default}", steps_text(*step))
             }
             ControlKind::Boolean => write!(f, "true or false, default {}", *default != 0),
-            ControlKind::Bitmask => write!(f, "bits out of 0x{greatest:x}, default 0x{default:x}"),
-            ControlKind::Button => write!(f, "true presses it"),
-            ControlKind::Text => write!(f, "a text of {least} to {greatest} bytes{}", steps(*step)),
+            ControlKind::Bitmask => write!(f, "a bit mask within 0x{greatest:x}, default 0x{default:x}"),
+            ControlKind::Button => write!(f, "true presses the button"),
+            ControlKind::Text => write!(f, "a text of {least} to {greatest} bytes{}", steps_text(*step)),
             ControlKind::Compound => write!(f, "cannot be set here"),
             ControlKind::Menu | ControlKind::IntegerMenu => {
                 let items = self.items.iter().map(|item| format!("{} \"{}\"", item.number, item.name));
@@ -245,21 +245,21 @@ impl fmt::Display for Control {
     }
 }
 
-fn steps(step: u64) -> String {
+fn steps_text(step: u64) -> String {
     if step > 1 { format!(" in steps of {step}") } else { String::new() }
 }
 
-/// Names of the flags that are set.
-pub(crate) fn flags(flags: u32) -> Vec<&'static str> {
+/// Returns the names of the set flags.
+pub(crate) fn flag_names(flags: u32) -> Vec<&'static str> {
     FLAGS.into_iter().filter(|(flag, _)| flags & flag != 0).map(|(_, name)| name).collect()
 }
 
-fn flag_names<S: serde::Serializer>(value: &u32, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_seq(flags(*value))
+fn serialize_flags<S: serde::Serializer>(value: &u32, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(flag_names(*value))
 }
 
-/// `Exposure Time, Absolute` → `exposure_time_absolute`, as `v4l2-ctl` writes it.
-fn name_of(title: &str) -> String {
+/// Converts a name of the driver as `v4l2-ctl` does: `Exposure Time, Absolute` → `exposure_time_absolute`.
+fn control_name(title: &str) -> String {
     let words = title.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("_").to_ascii_lowercase()
 }
@@ -272,13 +272,13 @@ mod tests {
     fn names_are_those_of_v4l2_ctl() {
         let names = ["Exposure Time, Absolute", "Brightness", " White Balance, Auto & Preset", "Gain (dB)", "ü"];
         let expected = ["exposure_time_absolute", "brightness", "white_balance_auto_preset", "gain_db", ""];
-        assert_eq!(names.map(name_of), expected);
+        assert_eq!(names.map(control_name), expected);
     }
 
     #[test]
-    fn arrays_and_unknown_types_are_no_controls_of_a_configuration() {
+    fn arrays_and_unknown_types_are_compound() {
         let kind = |type_, elems, nr_of_dims| {
-            ControlKind::of(&sys::v4l2_query_ext_ctrl { type_, elems, nr_of_dims, ..zeroed() })
+            ControlKind::from_query(&sys::v4l2_query_ext_ctrl { type_, elems, nr_of_dims, ..zeroed() })
         };
         assert_eq!((kind(1, 1, 0), kind(9, 1, 0)), (ControlKind::Integer, ControlKind::IntegerMenu));
         assert_eq!([kind(1, 4, 1), kind(6, 1, 0), kind(0x101, 1, 1), kind(u32::MAX, 0, 0)], [ControlKind::Compound; 4]);

@@ -1,8 +1,7 @@
-//! From the name in the configuration to the device: by path, by where it sits, or by its serial number.
+//! Finds the device that a name in the configuration means, by path, `bus_info` or serial number.
 //!
-//! A camera of the USB may come back under another number, so the nodes are looked through anew each time. Only nodes out of
-//! which images come count: a UVC camera has a second one for data about images, at the same place and with the same serial
-//! number.
+//! A USB camera may return under another number, so each search lists all nodes again. Only nodes that deliver images
+//! count: a UVC camera has a second node for metadata, with the same `bus_info` and serial number.
 
 use std::fmt;
 use std::fs;
@@ -17,73 +16,73 @@ use crate::ioctl::Device;
 
 use super::capability::Capability;
 
-/// Where the kernel lists the nodes.
+/// Folder in which the kernel lists the nodes.
 const CLASS: &str = "/sys/class/video4linux";
-/// Most nodes that are looked at; the kernel numbers no more.
-const MOST_NODES: usize = 256;
+/// Maximum number of nodes that are read; the kernel numbers no more.
+const MAX_NODES: usize = 256;
 
-/// A node of a device.
+/// A device node.
 #[derive(Debug)]
 pub(crate) struct Node {
-    /// Its path.
+    /// Its path, `/dev/video…`.
     pub(crate) path: PathBuf,
-    /// Serial number on the USB.
+    /// USB serial number.
     pub(crate) serial: Option<String>,
-    /// What it says of itself.
+    /// What the device reports about itself.
     pub(crate) capability: Result<Capability, OpenError>,
 }
 
-/// A node that could not be asked what it is.
+/// Why a node cannot be queried.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// It cannot be opened.
+    /// The node cannot be opened.
     #[error("{} cannot be opened: {source}{}", path.display(), hint(source))]
     Open {
         /// Its path.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
-    /// It does not answer as a V4L2 device does.
+    /// The node does not answer as a V4L2 device.
     #[error("{} does not answer as a V4L2 device: {call}: {source}", path.display())]
     NotV4l2 {
         /// Its path.
         path: PathBuf,
-        /// The call.
+        /// The refused call.
         call: &'static str,
-        /// What the system said.
+        /// Error of the system.
         #[source]
         source: io::Error,
     },
 }
 
-/// Why a name leads to no device.
+/// Why no device was found for a name.
 #[derive(Debug, thiserror::Error)]
 pub enum FindError {
-    /// It is not there.
-    #[error("{name} was not found; {}", Seen(seen))]
+    /// No device has the name.
+    #[error("{name} was not found; {}", AvailableText(available))]
     Absent {
         /// The name.
         name: DeviceName,
-        /// Cameras that are there, and nodes that cannot be asked.
-        seen: Vec<String>,
+        /// Cameras that are available, and nodes that cannot be queried.
+        available: Vec<String>,
     },
-    /// Several have that name.
-    #[error("{name} fits all of {nodes:?}; name one by its path, best by a link in /dev/v4l/by-path")]
+    /// Several devices have the name.
+    #[error("{name} matches several devices: {nodes:?}; name one by its path, best by a link in /dev/v4l/by-path")]
     Ambiguous {
         /// The name.
         name: DeviceName,
         /// Their paths.
         nodes: Vec<PathBuf>,
     },
-    /// It is there and cannot be asked.
+    /// The device cannot be queried.
     #[error(transparent)]
     Unopened(#[from] OpenError),
 }
 
 impl FindError {
-    /// Whether waiting would not help: configuration or rights must change first.
+    /// Whether waiting does not help, because the configuration or permissions must change first.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         match self {
@@ -94,18 +93,18 @@ impl FindError {
     }
 }
 
-struct Seen<'a>(&'a [String]);
+struct AvailableText<'a>(&'a [String]);
 
-impl fmt::Display for Seen<'_> {
+impl fmt::Display for AvailableText<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             [] => write!(f, "there is no camera: check the cable, and check that the driver is loaded"),
-            seen => write!(f, "there are: {}", seen.join("; ")),
+            available => write!(f, "available: {}", available.join("; ")),
         }
     }
 }
 
-/// What helps against an error.
+/// Tells what to do about an error.
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::PermissionDenied => "; add the user to the group \"video\" and log in again",
@@ -113,8 +112,8 @@ fn hint(source: &io::Error) -> &'static str {
     }
 }
 
-/// Whether an error of the system will come again until somebody changes the configuration, the rights or the program;
-/// others come and go with the device and whoever else uses it.
+/// Whether an error of the system lasts until the configuration, permissions or the program change. Other errors may
+/// pass, such as an absent device or one that another program uses.
 pub(crate) fn is_lasting(source: &io::Error) -> bool {
     let lasting = [
         Errno::INVAL,
@@ -129,42 +128,44 @@ pub(crate) fn is_lasting(source: &io::Error) -> bool {
     Errno::from_io_error(source).is_some_and(|errno| lasting.contains(&errno))
 }
 
-/// Where the device of a name is at this moment.
+/// Finds the current path of the device with a name.
 ///
 /// # Errors
-/// It is not there, there are several, or those in question cannot be opened.
-pub(crate) fn find(name: &DeviceName) -> Result<PathBuf, FindError> {
+/// There is no such device, there are several, or a device in question cannot be opened.
+pub(crate) fn find_device(name: &DeviceName) -> Result<PathBuf, FindError> {
     match name {
         DeviceName::Path(path) => match fs::canonicalize(path) {
             Ok(path) => Ok(path),
-            Err(source) if source.kind() == io::ErrorKind::NotFound => choose(name, nodes()),
+            // No node matches a path, so this yields the error that lists the cameras.
+            Err(source) if source.kind() == io::ErrorKind::NotFound => choose_node(name, list_nodes()),
             Err(source) => Err(OpenError::Open { path: path.clone(), source }.into()),
         },
-        DeviceName::Bus(_) | DeviceName::Serial(_) => choose(name, nodes()),
+        DeviceName::Bus(_) | DeviceName::Serial(_) => choose_node(name, list_nodes()),
     }
 }
 
-/// All nodes there are, in the order of their numbers.
-pub(crate) fn nodes() -> Vec<Node> {
-    // A kernel without V4L2 has no such folder, which is the same as no camera.
+/// Lists all nodes in the order of their numbers.
+pub(crate) fn list_nodes() -> Vec<Node> {
+    // A kernel without V4L2 has no such folder, and so no cameras.
     let entries = fs::read_dir(CLASS).into_iter().flatten().flatten();
     let number = |entry: fs::DirEntry| Some((video_number(&entry.file_name().to_string_lossy())?, entry.path()));
-    let mut found: Vec<(u32, PathBuf)> = entries.filter_map(number).take(MOST_NODES).collect();
+    let mut found: Vec<(u32, PathBuf)> = entries.filter_map(number).take(MAX_NODES).collect();
     found.sort();
-    found.into_iter().map(|(number, folder)| node(Path::new(&format!("/dev/video{number}")), &folder)).collect()
+    found.into_iter().map(|(number, folder)| read_node(Path::new(&format!("/dev/video{number}")), &folder)).collect()
 }
 
-/// The node at a path, wherever the kernel lists it.
-pub(crate) fn node_at(path: &Path) -> Node {
+/// Reads the node at a path.
+pub(crate) fn read_node_at(path: &Path) -> Node {
     let name = path.file_name().unwrap_or_default();
-    node(path, &Path::new(CLASS).join(name))
+    read_node(path, &Path::new(CLASS).join(name))
 }
 
-fn node(path: &Path, folder: &Path) -> Node {
-    Node { path: path.to_owned(), serial: serial(folder), capability: capability(path) }
+/// Reads a node; `folder` is its entry in [`CLASS`].
+fn read_node(path: &Path, folder: &Path) -> Node {
+    Node { path: path.to_owned(), serial: usb_serial(folder), capability: read_capability(path) }
 }
 
-fn capability(path: &Path) -> Result<Capability, OpenError> {
+fn read_capability(path: &Path) -> Result<Capability, OpenError> {
     let not_v4l2 = |call, source| OpenError::NotV4l2 { path: path.to_owned(), call, source };
     Capability::read(&open_node(path)?).map_err(|error| not_v4l2(error.call, error.source))
 }
@@ -177,21 +178,22 @@ pub(crate) fn open_node(path: &Path) -> Result<Device, OpenError> {
     Device::open(path).map_err(|source| OpenError::Open { path: path.to_owned(), source })
 }
 
-/// `video7` → 7; other nodes of the class carry no images.
+/// Returns the number of a node: `video7` → 7. Other nodes of the class carry no images.
 fn video_number(name: &str) -> Option<u32> {
     name.strip_prefix("video")?.parse().ok()
 }
 
-/// Serial number of the USB device that a node belongs to. Where that one has none, the hub's is not taken for it.
-fn serial(folder: &Path) -> Option<String> {
+/// Reads the serial number of the USB device that a node belongs to. The serial number of a hub does not count.
+fn usb_serial(folder: &Path) -> Option<String> {
     let interface = fs::canonicalize(folder.join("device")).ok()?;
+    // The innermost folder with a USB vendor is the device; those around it are its hubs.
     let usb = interface.ancestors().find(|folder| folder.join("idVendor").exists())?;
     let serial = fs::read(usb.join("serial")).ok()?;
     Some(String::from_utf8_lossy(&serial).trim().to_owned()).filter(|serial| !serial.is_empty())
 }
 
-/// The one node that a name means.
-fn choose(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError> {
+/// Returns the one node that a name means.
+fn choose_node(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError> {
     let is_meant = |node: &Node| match (name, &node.capability) {
         (DeviceName::Serial(serial), _) => node.serial.as_ref() == Some(serial),
         (DeviceName::Bus(bus), Ok(capability)) => capability.bus_info == *bus,
@@ -201,21 +203,21 @@ fn choose(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError> {
     let mut cameras = Vec::new();
     for node in meant {
         match node.capability {
-            // What it is cannot be told: it may be the one.
+            // It may be the wanted camera, so the others are not used in its place.
             Err(error) => return Err(error.into()),
             Ok(capability) if capability.is_camera() => cameras.push(node.path),
             Ok(_) => {}
         }
     }
     match cameras.len() {
-        0 => Err(FindError::Absent { name: name.clone(), seen: others.iter().filter_map(seen).collect() }),
+        0 => Err(FindError::Absent { name: name.clone(), available: others.iter().filter_map(node_text).collect() }),
         1 => Ok(cameras.swap_remove(0)),
         _ => Err(FindError::Ambiguous { name: name.clone(), nodes: cameras }),
     }
 }
 
-/// A node in a list of what is there; those that are no cameras are left out.
-fn seen(node: &Node) -> Option<String> {
+/// Describes a node in a list of the available ones; returns `None` if it is not a camera.
+fn node_text(node: &Node) -> Option<String> {
     let capability = match &node.capability {
         Err(error) => return Some(error.to_string()),
         Ok(capability) => capability,
@@ -254,17 +256,17 @@ mod tests {
     }
 
     #[test]
-    fn the_node_that_captures_is_found_by_place_and_by_serial_number() {
-        let found = |name: &str| choose(&name.parse().unwrap(), two_cameras()).unwrap();
+    fn the_capture_node_is_found_by_bus_info_and_by_serial_number() {
+        let found = |name: &str| choose_node(&name.parse().unwrap(), two_cameras()).unwrap();
         assert_eq!(found("bus:usb-2"), Path::new("/dev/video2"));
         assert_eq!(found("serial:A"), Path::new("/dev/video0"));
     }
 
     #[test]
-    fn an_absent_one_is_told_with_what_is_there() {
+    fn an_absent_device_is_reported_with_the_available_ones() {
         let mut nodes = two_cameras();
         nodes.push(denied(9, "C"));
-        let error = choose(&"bus:usb-7".parse().unwrap(), nodes).unwrap_err();
+        let error = choose_node(&"bus:usb-7".parse().unwrap(), nodes).unwrap_err();
         assert!(!error.is_lasting());
         let text = error.to_string();
         let all = [
@@ -274,22 +276,22 @@ mod tests {
             "\"video\"",
         ];
         assert!(all.iter().all(|part| text.contains(part)) && !text.contains("video1"), "{text}");
-        let none = choose(&"serial:A".parse().unwrap(), Vec::new()).unwrap_err().to_string();
+        let none = choose_node(&"serial:A".parse().unwrap(), Vec::new()).unwrap_err().to_string();
         assert!(none.contains("there is no camera"), "{none}");
     }
 
     #[test]
-    fn several_of_the_same_name_are_refused() {
+    fn several_devices_of_the_same_name_are_refused() {
         let mut nodes = two_cameras();
         nodes.push(node(4, "usb-1", "A", CAPTURE));
-        let error = choose(&"serial:A".parse().unwrap(), nodes).unwrap_err();
+        let error = choose_node(&"serial:A".parse().unwrap(), nodes).unwrap_err();
         assert!(error.is_lasting());
         assert!(error.to_string().contains("/dev/video0") && error.to_string().contains("/dev/video4"), "{error}");
     }
 
     #[test]
-    fn one_that_cannot_be_opened_is_told_as_such() {
-        let error = choose(&"serial:C".parse().unwrap(), vec![denied(9, "C")]).unwrap_err();
+    fn a_device_that_cannot_be_opened_is_reported_as_such() {
+        let error = choose_node(&"serial:C".parse().unwrap(), vec![denied(9, "C")]).unwrap_err();
         assert!(matches!(&error, FindError::Unopened(OpenError::Open { .. })), "{error}");
     }
 
@@ -305,13 +307,13 @@ mod tests {
         let class = root.path().join("video0");
         fs::create_dir(&class).unwrap();
         std::os::unix::fs::symlink(&interface, class.join("device")).unwrap();
-        assert_eq!(serial(&class), None);
+        assert_eq!(usb_serial(&class), None);
         fs::write(root.path().join("hub/port/serial"), " 7 \n").unwrap();
-        assert_eq!(serial(&class), Some("7".into()));
+        assert_eq!(usb_serial(&class), Some("7".into()));
     }
 
     #[test]
-    fn only_nodes_of_images_have_numbers() {
+    fn only_video_nodes_have_numbers() {
         assert_eq!(video_number("video12"), Some(12));
         assert!(["vbi0", "v4l-subdev0", "video", "videox"].iter().all(|name| video_number(name).is_none()));
     }

@@ -1,4 +1,4 @@
-//! Format and size of the images: set, read back, and compared with what is wanted.
+//! Sets format and size of the images, reads them back, and compares them with the wanted ones.
 
 use rustix::io::Errno;
 use v4l::v4l_sys::{
@@ -9,18 +9,15 @@ use v4l::v4l_sys::{
 use fringeflow_pixels::SourceFormat;
 
 use crate::ioctl::{
-    BufferKind, CallError, Device, G_FMT, S_FMT, multi_planar, set_multi_planar, single_planar, zeroed,
+    BufferKind, CallError, Device, G_FMT, MAX_PLANES, S_FMT, multi_planar, set_multi_planar, single_planar, zeroed,
 };
 
 use super::offer::{self, OfferedFormat, format_name};
 
-/// Most planes that a buffer can have.
-const MOST_PLANES: u32 = 8;
-
-/// How images lie in buffers.
+/// Layout of the images in buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
-    /// V4L2's code of the format.
+    /// V4L2 code of the format.
     pub(crate) code: u32,
     /// Width and height, pixels.
     pub(crate) size_px: [u32; 2],
@@ -30,49 +27,49 @@ pub(crate) struct Layout {
     pub(crate) stride_bytes: u32,
     /// Bytes of an image, all planes.
     pub(crate) image_bytes: u64,
-    /// The buffers that it needs.
+    /// Kind of the buffers.
     pub(crate) kind: BufferKind,
 }
 
-/// Why the images cannot be had as wanted.
+/// Why a device cannot send the wanted images.
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
-    /// The device answers with something else.
+    /// The device takes another format or size.
     #[error(
-        "the device takes {answered} instead of {wanted}; it offers {}; change cameras.format, or take a device and a \
-         calibration of the same image size",
-        offer::summary(offered)
+        "the device takes {answered} instead of {wanted}; it offers {}; change cameras.format, or use a device and a \
+         calibration with the same image size",
+        offer::formats_text(offered)
     )]
     Other {
-        /// Format and size that are wanted.
+        /// Wanted format and size.
         wanted: String,
-        /// Those that the device took.
+        /// Format and size that the device took.
         answered: String,
-        /// What it offers.
+        /// Formats that the device offers.
         offered: Vec<OfferedFormat>,
     },
-    /// Rows of two moments in one image.
-    #[error("the images are interlaced (field {field}); a scanner needs whole images, each of one moment")]
+    /// The rows of an image belong to two exposures.
+    #[error("the images are interlaced (field {field}); a scanner needs progressive images")]
     Interlaced {
         /// `V4L2_FIELD_…`.
         field: u32,
     },
-    /// An image has no room in what the driver states.
-    #[error("the driver states {found} {what}; {wanted} needs at least {least}")]
+    /// An image does not fit into the reported rows or buffers.
+    #[error("the driver reports {found} {what}; {wanted} needs at least {least}")]
     TooSmall {
-        /// Of what.
+        /// The quantity.
         what: &'static str,
-        /// What it states.
+        /// The reported value.
         found: u64,
-        /// Size and format.
+        /// Size and format of the images.
         wanted: String,
-        /// Least value that can be.
+        /// The least possible value.
         least: u64,
     },
-    /// Buffers that cannot be.
-    #[error("the driver states {count} planes a buffer; 1 to {MOST_PLANES} are possible")]
+    /// An impossible number of planes.
+    #[error("the driver reports {count} planes per buffer; 1 to {MAX_PLANES} are possible")]
     Planes {
-        /// What it states.
+        /// The reported number.
         count: u32,
     },
     /// A call was refused.
@@ -80,7 +77,7 @@ pub enum FormatError {
     Call(#[from] CallError),
 }
 
-/// Sets format and size, and reads back what became of them.
+/// Sets format and size, and returns the resulting layout.
 ///
 /// # Errors
 /// The device refuses them, or takes others.
@@ -90,37 +87,37 @@ pub(crate) fn set(
     format: SourceFormat,
     size_px: [usize; 2],
 ) -> Result<Layout, FormatError> {
-    // A size that V4L2 cannot express is one that the device does not take.
+    // A size beyond 32 bits becomes one that no device takes.
     let size = size_px.map(|n| u32::try_from(n).unwrap_or(u32::MAX));
-    let mut asked = request(kind, format.code(), size);
-    let layout = match device.call(&S_FMT, &mut asked) {
-        Ok(()) => layout(kind, &mut asked),
-        // Instead of taking another format, as it should; then it stays as it is.
+    let mut requested = format_request(kind, format.code(), size);
+    let layout = match device.call(&S_FMT, &mut requested) {
+        Ok(()) => layout_from(kind, &mut requested),
+        // The driver should have taken another format instead; it keeps its current one.
         Err(error) if error.errno() == Some(Errno::INVAL) => read(device, kind).map_err(|_| error)?,
         Err(error) => return Err(error.into()),
     };
     if (layout.code, layout.size_px) != (format.code(), size) {
         return Err(FormatError::Other {
-            wanted: named(format.code(), size),
-            answered: named(layout.code, layout.size_px),
-            offered: offer::formats(device, kind),
+            wanted: format_text(format.code(), size),
+            answered: format_text(layout.code, layout.size_px),
+            offered: offer::list_formats(device, kind),
         });
     }
-    check(&layout, format)?;
+    check_layout(&layout, format)?;
     Ok(layout)
 }
 
-/// The format at this moment.
+/// Reads the current format.
 ///
 /// # Errors
-/// The device refuses to tell.
+/// The device refuses the call.
 pub(crate) fn read(device: &Device, kind: u32) -> Result<Layout, CallError> {
     let mut answer = v4l2_format { type_: kind, ..zeroed() };
     device.call(&G_FMT, &mut answer)?;
-    Ok(layout(kind, &mut answer))
+    Ok(layout_from(kind, &mut answer))
 }
 
-fn request(kind: u32, code: u32, [width, height]: [u32; 2]) -> v4l2_format {
+fn format_request(kind: u32, code: u32, [width, height]: [u32; 2]) -> v4l2_format {
     let mut format = v4l2_format { type_: kind, ..zeroed() };
     if kind == CAPTURE_MPLANE {
         let planes: v4l2_pix_format_mplane = multi_planar(&format);
@@ -133,7 +130,7 @@ fn request(kind: u32, code: u32, [width, height]: [u32; 2]) -> v4l2_format {
     format
 }
 
-fn layout(kind: u32, format: &mut v4l2_format) -> Layout {
+fn layout_from(kind: u32, format: &mut v4l2_format) -> Layout {
     if kind == CAPTURE_MPLANE {
         let answer = multi_planar(format);
         let planes = answer.plane_fmt;
@@ -158,28 +155,28 @@ fn layout(kind: u32, format: &mut v4l2_format) -> Layout {
     }
 }
 
-/// Refuses a layout in which no whole image of a format has room.
-fn check(layout: &Layout, format: SourceFormat) -> Result<(), FormatError> {
+/// Refuses a layout that cannot hold a whole progressive image of a format.
+fn check_layout(layout: &Layout, format: SourceFormat) -> Result<(), FormatError> {
     if layout.field != PROGRESSIVE {
         return Err(FormatError::Interlaced { field: layout.field });
     }
     let [width, height] = layout.size_px.map(|n| n as usize);
     let least_bytes = |stride_bytes: u32| format.least_bytes([width, height], stride_bytes as usize);
-    let stated = [
-        ("bytes of a row", u64::from(layout.stride_bytes), format.least_stride_bytes(width) as u64),
-        ("bytes of an image", layout.image_bytes, least_bytes(layout.stride_bytes) as u64),
+    let reported = [
+        ("bytes per row", u64::from(layout.stride_bytes), format.least_stride_bytes(width) as u64),
+        ("bytes per image", layout.image_bytes, least_bytes(layout.stride_bytes) as u64),
     ];
-    if let Some(&(what, found, least)) = stated.iter().find(|(_, found, least)| found < least) {
-        return Err(FormatError::TooSmall { what, found, wanted: named(layout.code, layout.size_px), least });
+    if let Some(&(what, found, least)) = reported.iter().find(|(_, found, least)| found < least) {
+        return Err(FormatError::TooSmall { what, found, wanted: format_text(layout.code, layout.size_px), least });
     }
     match layout.kind.planes {
-        Some(count) if !(1..=MOST_PLANES).contains(&count) => Err(FormatError::Planes { count }),
+        Some(count) if !(1..=MAX_PLANES).contains(&(count as usize)) => Err(FormatError::Planes { count }),
         _ => Ok(()),
     }
 }
 
-/// Size and format in words.
-pub(crate) fn named(code: u32, [width, height]: [u32; 2]) -> String {
+/// Formats an image size and a format: `640x480 Y10`.
+pub(crate) fn format_text(code: u32, [width, height]: [u32; 2]) -> String {
     format!("{width}x{height} {}", format_name(code))
 }
 
@@ -195,31 +192,31 @@ mod tests {
     }
 
     #[test]
-    fn a_request_is_read_as_it_was_made_for_both_kinds_of_buffers() {
+    fn a_request_reads_back_for_both_kinds_of_buffers() {
         for (kind, planes) in [(1, None), (CAPTURE_MPLANE, Some(0))] {
-            let made = layout(kind, &mut request(kind, 7, [640, 480]));
+            let read = layout_from(kind, &mut format_request(kind, 7, [640, 480]));
             let kind = BufferKind { code: kind, planes };
             let wanted =
                 Layout { code: 7, size_px: [640, 480], field: PROGRESSIVE, stride_bytes: 0, image_bytes: 0, kind };
-            assert_eq!(made, wanted);
+            assert_eq!(read, wanted);
         }
     }
 
     #[test]
-    fn what_the_driver_states_must_hold_an_image() {
-        check(&layout_of(1280, 1280 * 480), SourceFormat::Y10).unwrap();
-        // The last row needs no gap after it.
-        check(&layout_of(1536, 1536 * 479 + 1280), SourceFormat::Y10).unwrap();
-        let refused = |layout: Layout| check(&layout, SourceFormat::Y10).unwrap_err().to_string();
+    fn the_reported_sizes_must_hold_an_image() {
+        check_layout(&layout_of(1280, 1280 * 480), SourceFormat::Y10).unwrap();
+        // The last row needs no padding.
+        check_layout(&layout_of(1536, 1536 * 479 + 1280), SourceFormat::Y10).unwrap();
+        let refused = |layout: Layout| check_layout(&layout, SourceFormat::Y10).unwrap_err().to_string();
         assert_eq!(
             refused(layout_of(0, 1280 * 480)),
-            "the driver states 0 bytes of a row; 640x480 Y10 needs at least 1280"
+            "the driver reports 0 bytes per row; 640x480 Y10 needs at least 1280"
         );
-        assert!(refused(layout_of(1280, 1280 * 480 - 1)).contains("states 614399 bytes of an image"));
+        assert!(refused(layout_of(1280, 1280 * 480 - 1)).contains("reports 614399 bytes per image"));
         assert!(refused(Layout { field: 4, ..layout_of(1280, 614_400) }).contains("interlaced (field 4)"));
         let planes = |n| BufferKind { code: CAPTURE_MPLANE, planes: Some(n) };
-        assert!(refused(Layout { kind: planes(0), ..layout_of(1280, 614_400) }).contains("states 0 planes"));
-        assert!(refused(Layout { kind: planes(9), ..layout_of(1280, 614_400) }).contains("states 9 planes"));
-        check(&Layout { code: SourceFormat::Mjpeg.code(), ..layout_of(0, 1000) }, SourceFormat::Mjpeg).unwrap();
+        assert!(refused(Layout { kind: planes(0), ..layout_of(1280, 614_400) }).contains("reports 0 planes"));
+        assert!(refused(Layout { kind: planes(9), ..layout_of(1280, 614_400) }).contains("reports 9 planes"));
+        check_layout(&Layout { code: SourceFormat::Mjpeg.code(), ..layout_of(0, 1000) }, SourceFormat::Mjpeg).unwrap();
     }
 }

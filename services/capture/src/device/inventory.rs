@@ -1,4 +1,4 @@
-//! What cameras there are, and what each can do: for people, and for whoever writes a configuration.
+//! Lists the cameras of this machine, and formats, rates and controls of each, as needed to write a configuration.
 
 use std::path::PathBuf;
 
@@ -8,41 +8,41 @@ use crate::ioctl::Device;
 
 use super::capability::Capability;
 use super::controls::{self, Control};
-use super::find::{self, FindError, Node};
+use super::find::{FindError, Node, find_device, list_nodes, open_node, read_node_at};
 use super::offer::{self, OfferedFormat};
 use super::timings;
 
-/// A device, with all that could be read of it.
+/// A device and its properties, as far as they could be read.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Listing {
     /// Its node.
     pub path: PathBuf,
-    /// What the configuration names it by, best: it stays the same when it is plugged in again, if it can.
+    /// Best name for the configuration: if possible, one that stays the same when the device is plugged in again.
     pub device: String,
     /// Name of the device.
     pub card: String,
     /// Name of its driver.
     pub driver: String,
-    /// Where it sits.
+    /// V4L2 `bus_info`: where the device is connected.
     pub bus_info: String,
-    /// Serial number on the USB.
+    /// USB serial number.
     pub serial: Option<String>,
-    /// What it can send.
+    /// Pixel formats.
     pub formats: Vec<OfferedFormat>,
-    /// The signal that a grabber gets.
+    /// Video signal of a frame grabber.
     pub video_signal: Option<VideoSignal>,
-    /// What can be set.
+    /// Controls.
     pub controls: Vec<ListedControl>,
-    /// What could not be read, and why it is no camera if it is none.
+    /// What could not be read, and why the device is not a camera.
     pub problems: Vec<String>,
 }
 
-/// The signal of a grabber; what cannot be read is why.
+/// Video signal of a frame grabber. Each text is a signal, or the reason why there is none.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct VideoSignal {
-    /// What it is set to.
+    /// The signal that the device is set to.
     pub set: String,
-    /// What it sees.
+    /// The signal that the device detects.
     pub seen: String,
 }
 
@@ -52,39 +52,39 @@ pub struct ListedControl {
     /// The control.
     #[serde(flatten)]
     pub control: Control,
-    /// Its value, if it has one that can be read.
+    /// Its value, if it can be read.
     pub value: Option<ControlValue>,
 }
 
 impl ListedControl {
-    /// Names of the flags that are set.
+    /// Returns the names of the set flags.
     #[must_use]
     pub fn flags(&self) -> Vec<&'static str> {
-        controls::flags(self.control.flags)
+        controls::flag_names(self.control.flags)
     }
 }
 
-/// All cameras, and nodes that cannot be asked what they are.
+/// Lists all cameras, and the nodes that cannot be queried.
 #[must_use]
 pub fn cameras() -> Vec<Listing> {
-    let nodes = find::nodes();
+    let nodes = list_nodes();
     let is_listed = |node: &&Node| node.capability.as_ref().map_or(true, Capability::is_camera);
-    nodes.iter().filter(is_listed).map(|node| listing(node, &nodes)).collect()
+    nodes.iter().filter(is_listed).map(|node| list_device(node, &nodes)).collect()
 }
 
-/// The device of a name, camera or not.
+/// Describes the device with a name, camera or not.
 ///
 /// # Errors
-/// There is none, there are several, or it is no V4L2 device.
+/// There is no such device, there are several, or it is not a V4L2 device.
 pub fn describe(name: &DeviceName) -> Result<Listing, FindError> {
-    let node = find::node_at(&find::find(name)?);
+    let node = read_node_at(&find_device(name)?);
     match node.capability {
         Err(error) => Err(error.into()),
-        Ok(_) => Ok(listing(&node, &find::nodes())),
+        Ok(_) => Ok(list_device(&node, &list_nodes())),
     }
 }
 
-fn listing(node: &Node, all: &[Node]) -> Listing {
+fn list_device(node: &Node, all: &[Node]) -> Listing {
     let mut listing = Listing {
         path: node.path.clone(),
         device: best_name(node, all).to_string(),
@@ -109,12 +109,12 @@ impl Listing {
         self.card.clone_from(&capability.card);
         self.driver.clone_from(&capability.driver);
         self.bus_info.clone_from(&capability.bus_info);
-        let device = match find::open_node(&self.path) {
+        let device = match open_node(&self.path) {
             Ok(device) => device,
             Err(error) => return self.problems.push(error.to_string()),
         };
-        match capability.stream() {
-            Ok(kind) => self.formats = offer::formats(&device, kind),
+        match capability.buffer_type() {
+            Ok(kind) => self.formats = offer::list_formats(&device, kind),
             Err(what) => self.problems.push(format!("it is {what}")),
         }
         self.video_signal = timings::input_has_timings(&device).then(|| video_signal(&device));
@@ -122,7 +122,7 @@ impl Listing {
     }
 
     fn list_controls(&mut self, device: &Device) {
-        let controls = controls::all(device).unwrap_or_else(|error| {
+        let controls = controls::list_controls(device).unwrap_or_else(|error| {
             self.problems.push(format!("controls: {error}"));
             Vec::new()
         });
@@ -137,14 +137,15 @@ impl Listing {
 }
 
 fn video_signal(device: &Device) -> VideoSignal {
-    let told = |signal: Result<timings::Signal, _>| match signal {
+    let text = |signal: Result<timings::Signal, _>| match signal {
         Ok(signal) => signal.to_string(),
         Err(error) => format!("none ({error})"),
     };
-    VideoSignal { set: told(timings::present(device)), seen: told(timings::seen(device)) }
+    VideoSignal { set: text(timings::read_current(device)), seen: text(timings::detect(device)) }
 }
 
-/// The name by which a node is found again, wherever it is plugged in; else wherever the kernel puts it; else by its path.
+/// Returns the name that stays valid longest: the serial number (any port), else the `bus_info` (any device number),
+/// else the path. Serial number and `bus_info` must be unique among the cameras.
 fn best_name(node: &Node, all: &[Node]) -> DeviceName {
     let is_camera = |node: &&Node| node.capability.as_ref().is_ok_and(Capability::is_camera);
     let is_only = |is_same: &dyn Fn(&Node) -> bool| {
@@ -176,15 +177,15 @@ mod tests {
     }
 
     #[test]
-    fn the_name_that_stays_longest_is_proposed() {
+    fn the_name_that_stays_valid_longest_is_proposed() {
         let (capture, metadata) = (0x0400_0001, 0x0480_0000);
         let nodes = [
             node(0, "usb-1", Some("A"), capture),
             node(1, "usb-1", Some("A"), metadata),
-            // Makers that give all devices the same number.
+            // Some makers give all devices the same serial number.
             node(2, "usb-2", Some("0001"), capture),
             node(4, "usb-4", Some("0001"), capture),
-            // Two sensors at one place.
+            // Two sensors of one device.
             node(6, "usb-6", None, capture),
             node(8, "usb-6", None, capture),
         ];

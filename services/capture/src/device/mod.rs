@@ -1,5 +1,7 @@
-//! What a device is, and how it is made ready: in goes its name in the configuration and the images that are wanted of it,
-//! out comes an open device that takes its settings as written, or the reason why not.
+//! Finds a device and prepares it for streaming.
+//!
+//! In: the name of the device in the configuration, and the wanted images. Out: an open device that has taken all its
+//! settings as written, or the reason why not.
 //!
 //! ```text
 //!  name ─► find ─► capability ─► video timings, format, rate, controls ─► read back ─► ready to stream

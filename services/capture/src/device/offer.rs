@@ -1,6 +1,7 @@
-//! What a device offers: formats, their sizes, and the rates of each.
+//! The formats, image sizes and frame rates that a device offers.
 //!
-//! Drivers are asked for item after item until they refuse; whatever they say, the lists end.
+//! A driver is queried for one item after the other until it refuses. The lists are bounded, whatever the driver
+//! answers.
 
 use std::fmt;
 
@@ -8,103 +9,105 @@ use v4l::v4l_sys::{V4L2_FMT_FLAG_EMULATED, v4l2_fmtdesc, v4l2_fract, v4l2_frmiva
 
 use fringeflow_pixels::SourceFormat;
 
-use crate::ioctl::{Device, ENUM_FMT, ENUM_FRAMEINTERVALS, ENUM_FRAMESIZES, Request, intervals, sizes, zeroed};
+use crate::ioctl::{
+    Device, ENUM_FMT, ENUM_FRAMEINTERVALS, ENUM_FRAMESIZES, Request, frame_intervals, frame_sizes, zeroed,
+};
 
 use super::capability::text;
 
-/// Most items of a list that are read.
-const MOST_ITEMS: u32 = 128;
+/// Maximum number of items that are read from a list.
+const MAX_ITEMS: u32 = 128;
 
-/// Bit of a code.
+/// Bit of a format code: the bytes of a value are in reverse order.
 const BIG_ENDIAN: u32 = 1 << 31;
-/// Sizes of a format that a line for people names.
-const SHOWN_SIZES: usize = 12;
+/// Maximum number of sizes in the text of a format.
+const MAX_SIZES_IN_TEXT: usize = 12;
 
 /// A pixel format.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct OfferedFormat {
-    /// Letters of its code.
+    /// Four-character code.
     pub name: String,
-    /// What the driver calls it.
+    /// Name that the driver gives it.
     pub description: String,
-    /// Whether cameras of Fringeflow can send it.
+    /// Whether Fringeflow can use it.
     pub is_taken: bool,
-    /// Whether a library on this machine makes it, not the device.
+    /// Whether a library on this machine makes it instead of the device.
     pub is_emulated: bool,
-    /// Its sizes; empty where the driver does not list them.
+    /// Its sizes; empty if the driver does not list them.
     pub sizes: Vec<OfferedSize>,
 }
 
-/// A size of images, or a range of sizes.
+/// An image size, or a range of sizes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct OfferedSize {
     /// Least width and height, pixels.
     pub least_px: [u32; 2],
     /// Greatest width and height, pixels.
     pub greatest_px: [u32; 2],
-    /// Rates at the greatest size, slowest and fastest of each; empty where the driver does not list them.
+    /// Ranges of the frame rate at the greatest size, from slowest to fastest; empty if the driver does not list them.
     pub rates_hz: Vec<[f64; 2]>,
 }
 
-/// All that a kind of buffers can hold.
-pub(crate) fn formats(device: &Device, kind: u32) -> Vec<OfferedFormat> {
+/// Lists the formats of a buffer type, with their sizes and rates.
+pub(crate) fn list_formats(device: &Device, kind: u32) -> Vec<OfferedFormat> {
     let description = |index| v4l2_fmtdesc { index, type_: kind, ..zeroed() };
-    let found = list(device, &ENUM_FMT, description);
+    let found = enumerate(device, &ENUM_FMT, description);
     let format = |found: v4l2_fmtdesc| OfferedFormat {
         name: format_name(found.pixelformat),
         description: text(&found.description),
         is_taken: SourceFormat::from_code(found.pixelformat).is_some(),
         is_emulated: found.flags & V4L2_FMT_FLAG_EMULATED != 0,
-        sizes: offered_sizes(device, found.pixelformat),
+        sizes: list_sizes(device, found.pixelformat),
     };
     found.into_iter().map(format).collect()
 }
 
-fn offered_sizes(device: &Device, format: u32) -> Vec<OfferedSize> {
+fn list_sizes(device: &Device, format: u32) -> Vec<OfferedSize> {
     let size = |index| v4l2_frmsizeenum { index, pixel_format: format, ..zeroed() };
-    let of = |found: v4l2_frmsizeenum| {
-        let [least, greatest] = sizes(&found).map(|size| [size.width, size.height]);
-        OfferedSize { least_px: least, greatest_px: greatest, rates_hz: rates(device, format, greatest) }
+    let offered = |found: v4l2_frmsizeenum| {
+        let [least, greatest] = frame_sizes(&found).map(|size| [size.width, size.height]);
+        OfferedSize { least_px: least, greatest_px: greatest, rates_hz: list_rates(device, format, greatest) }
     };
-    list(device, &ENUM_FRAMESIZES, size).into_iter().map(of).collect()
+    enumerate(device, &ENUM_FRAMESIZES, size).into_iter().map(offered).collect()
 }
 
-/// Rates of a format and size, slowest and fastest of each.
-pub(crate) fn rates(device: &Device, format: u32, [width, height]: [u32; 2]) -> Vec<[f64; 2]> {
+/// Lists the ranges of the frame rate at a format and size, from slowest to fastest.
+pub(crate) fn list_rates(device: &Device, format: u32, [width, height]: [u32; 2]) -> Vec<[f64; 2]> {
     let interval = |index| v4l2_frmivalenum { index, pixel_format: format, width, height, ..zeroed() };
-    let of = |found: v4l2_frmivalenum| {
-        let [shortest, longest] = intervals(&found).map(rate_hz);
+    let range = |found: v4l2_frmivalenum| {
+        let [shortest, longest] = frame_intervals(&found).map(rate_hz);
         [longest?, shortest?].into()
     };
-    list(device, &ENUM_FRAMEINTERVALS, interval).into_iter().filter_map(of).collect()
+    enumerate(device, &ENUM_FRAMEINTERVALS, interval).into_iter().filter_map(range).collect()
 }
 
-/// Images a second of an interval; `None` for one that is none.
+/// Returns the frame rate of a frame interval; `None` if the interval is invalid.
 pub(crate) fn rate_hz(interval: v4l2_fract) -> Option<f64> {
-    let is_one = interval.numerator > 0 && interval.denominator > 0;
-    is_one.then(|| f64::from(interval.denominator) / f64::from(interval.numerator))
+    let is_valid = interval.numerator > 0 && interval.denominator > 0;
+    is_valid.then(|| f64::from(interval.denominator) / f64::from(interval.numerator))
 }
 
-/// The items of an enumeration, from 0 until the driver refuses one.
-pub(crate) fn list<T: Copy>(device: &Device, request: &Request<T>, item: impl Fn(u32) -> T) -> Vec<T> {
+/// Reads the items of an enumeration, from index 0 until the driver refuses one.
+pub(crate) fn enumerate<T: Copy>(device: &Device, request: &Request<T>, item: impl Fn(u32) -> T) -> Vec<T> {
     let answer = |index| {
         let mut item = item(index);
         device.call(request, &mut item).ok().map(|()| item)
     };
-    (0..MOST_ITEMS).map_while(answer).collect()
+    (0..MAX_ITEMS).map_while(answer).collect()
 }
 
-/// Name of a format: the letters of its code, whatever they are; the highest bit marks the reverse order of bytes.
+/// Returns the name of a format: the four characters of its code, with `_BE` for [`BIG_ENDIAN`].
 pub(crate) fn format_name(code: u32) -> String {
     let letters = text(&(code & !BIG_ENDIAN).to_le_bytes());
     if code & BIG_ENDIAN != 0 { letters + "_BE" } else { letters }
 }
 
-/// Formats that can be taken and their sizes in one line, for people.
-pub(crate) fn summary(formats: &[OfferedFormat]) -> String {
-    let taken: Vec<&OfferedFormat> = formats.iter().filter(|format| format.is_taken).collect();
-    // Many formats share their sizes.
-    let groups = taken.chunk_by(|a, b| a.sizes == b.sizes);
+/// Describes the usable formats and their sizes in one line.
+pub(crate) fn formats_text(formats: &[OfferedFormat]) -> String {
+    let usable: Vec<&OfferedFormat> = formats.iter().filter(|format| format.is_taken).collect();
+    // Consecutive formats often have the same sizes.
+    let groups = usable.chunk_by(|a, b| a.sizes == b.sizes);
     let group = |group: &[&OfferedFormat]| {
         let names: Vec<&str> = group.iter().map(|format| format.name.as_str()).collect();
         let sizes = group.first().map_or(&[][..], |format| &format.sizes[..]);
@@ -115,25 +118,25 @@ pub(crate) fn summary(formats: &[OfferedFormat]) -> String {
 }
 
 fn sizes_text(sizes: &[OfferedSize]) -> String {
-    let shown = sizes.iter().take(SHOWN_SIZES).map(OfferedSize::to_string);
-    let more = sizes.len().saturating_sub(SHOWN_SIZES);
+    let shown = sizes.iter().take(MAX_SIZES_IN_TEXT).map(OfferedSize::to_string);
+    let more = sizes.len().saturating_sub(MAX_SIZES_IN_TEXT);
     let more = (more > 0).then(|| format!("{more} more sizes"));
     let sizes: Vec<String> = shown.chain(more).collect();
     if sizes.is_empty() { "unlisted sizes".to_owned() } else { sizes.join(", ") }
 }
 
-/// Rates in one line, for people.
+/// Formats ranges of the frame rate in one line.
 #[must_use]
 pub fn rates_text(rates_hz: &[[f64; 2]]) -> String {
     let rate = |&[slowest, fastest]: &[f64; 2]| match slowest == fastest {
-        true => shown(fastest),
-        false => format!("{} to {}", shown(slowest), shown(fastest)),
+        true => rate_text(fastest),
+        false => format!("{} to {}", rate_text(slowest), rate_text(fastest)),
     };
     rates_hz.iter().map(rate).collect::<Vec<_>>().join(", ")
 }
 
-/// A rate with as many digits as tell it from others.
-pub(crate) fn shown(rate_hz: f64) -> String {
+/// Formats a rate with at most three decimals.
+pub(crate) fn rate_text(rate_hz: f64) -> String {
     format!("{}", (rate_hz * 1e3).round() / 1e3)
 }
 
@@ -150,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_offered_is_told_in_a_line() {
+    fn offered_formats_are_described_in_one_line() {
         let size =
             |width, height| OfferedSize { least_px: [width, height], greatest_px: [width, height], rates_hz: vec![] };
         let range = OfferedSize { least_px: [16, 16], greatest_px: [1920, 1080], rates_hz: vec![] };
@@ -169,21 +172,21 @@ mod tests {
             format("Y12", vec![range]),
             format("MJPG", vec![]),
         ];
-        let told = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in unlisted sizes";
-        assert_eq!(summary(&offered), told);
-        assert_eq!(summary(&offered[1..2]), "no supported format");
-        assert!(summary(&[format("GREY", vec![size(1, 1); 20])]).ends_with("1x1, 8 more sizes"));
+        let expected = "GREY, Y10 in 640x480, 1280x1024; Y12 in 16x16 to 1920x1080; MJPG in unlisted sizes";
+        assert_eq!(formats_text(&offered), expected);
+        assert_eq!(formats_text(&offered[1..2]), "no supported format");
+        assert!(formats_text(&[format("GREY", vec![size(1, 1); 20])]).ends_with("1x1, 8 more sizes"));
         assert_eq!(rates_text(&[[30.0, 30.0], [1.0, 59.940_06]]), "30, 1 to 59.94");
     }
 
     #[test]
-    fn an_interval_that_is_none_has_no_rate() {
+    fn an_invalid_interval_has_no_rate() {
         let rate = |numerator, denominator| rate_hz(v4l2_fract { numerator, denominator });
         assert_eq!((rate(1, 30), rate(0, 30), rate(1, 0)), (Some(30.0), None, None));
     }
 
     #[test]
-    fn formats_have_names_whatever_the_driver_says() {
+    fn every_format_code_has_a_name() {
         assert_eq!(format_name(u32::from_le_bytes(*b"Y10 ")), "Y10");
         assert_eq!(format_name(u32::from_le_bytes(*b"RG24")), "RG24");
         assert_eq!(format_name(0), "");

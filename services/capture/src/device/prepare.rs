@@ -1,8 +1,7 @@
-//! A device made ready to stream: format, rate, controls and exposure as configured, set and read back.
+//! Prepares a device for streaming: sets format, rate and controls as configured, and reads them back.
 //!
-//! In: an open device and what the configuration wants of it. Out: how its images will lie in buffers, and what the device
-//! says of rate and exposure. A setting that a device does not take as it is written is an error, never a surprise in the
-//! images.
+//! In: an open device and its configuration. Out: the layout of its images in buffers, and the rate and exposure time
+//! that the device reports. A setting that the device does not take as written is an error.
 
 use std::collections::BTreeMap;
 
@@ -17,71 +16,71 @@ use crate::ioctl::{BufferKind, CallError, Device};
 use super::capability::Capability;
 use super::controls::{self, Control};
 use super::find::is_lasting;
-use super::format::{self, FormatError, Layout, named};
-use super::offer::{self, shown};
+use super::format::{self, FormatError, Layout, format_text};
+use super::offer::{self, rate_text};
 use super::rate::{self, RateError};
 use super::setting::{self, ControlError, Joined};
 use super::timings::{self, Signal, TimingsError};
 
-/// Unit of the control of the exposure, nanoseconds.
+/// Unit of the exposure control, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;
 
-/// The images that are wanted of a camera.
+/// The images that are wanted from a camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
-    /// What it sends.
+    /// Pixel format.
     pub format: SourceFormat,
     /// Width and height, pixels.
     pub size_px: [usize; 2],
-    /// Images a second.
+    /// Frame rate.
     pub rate_hz: f64,
 }
 
 /// A device that is ready to stream.
 #[derive(Debug)]
 pub(crate) struct Prepared {
-    /// The buffers that it needs.
+    /// Kind of its buffers.
     pub(crate) kind: BufferKind,
-    /// Bytes from one row to the next.
+    /// Bytes from one row of an image to the next.
     pub(crate) stride_bytes: usize,
-    /// Length of an exposure, nanoseconds, where configuration or device say so.
+    /// Exposure time, nanoseconds; `None` if neither the configuration nor the device states it.
     pub(crate) exposure_ns: Option<u64>,
-    /// What was read back, and what could not be, for people.
+    /// What was read back, and what is unknown, as text.
     pub(crate) notes: Vec<String>,
 }
 
-/// Why a device cannot be made ready.
+/// Why a device cannot be prepared.
 #[derive(Debug, thiserror::Error)]
 pub enum PrepareError {
-    /// No images come out of it.
-    #[error("it is {what}; `fringeflow cameras` lists the devices that are cameras")]
+    /// The device is not a camera.
+    #[error("it is {what}; `fringeflow cameras` lists the cameras")]
     NoCamera {
-        /// What it is.
+        /// What it is instead.
         what: &'static str,
     },
-    /// A loopback device that nobody writes into.
+    /// A loopback device without a writer.
     #[error("it is a loopback device, and no program writes into it yet")]
-    Unfed,
-    /// The timings of its signal.
+    NoWriter,
+    /// The timings of the video signal.
     #[error(transparent)]
     Timings(#[from] TimingsError),
-    /// Format or size of the images.
+    /// The format or size of the images.
     #[error(transparent)]
     Format(#[from] FormatError),
-    /// Images a second.
+    /// The frame rate.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// Controls.
+    /// The controls.
     #[error("{}", Joined(.0))]
     Controls(Vec<ControlError>),
-    /// Something that was set changed the format.
+    /// A setting changed the format.
     #[error(
         "after all settings the device sends {found} instead of {wanted}; leave out the control that changes the format"
     )]
-    Unsettled {
+    FormatChanged {
         /// Format and size that were set.
         wanted: String,
-        /// What the device says in the end.
+        /// Format and size after all settings.
         found: String,
     },
     /// A call was refused.
@@ -90,94 +89,106 @@ pub enum PrepareError {
 }
 
 impl PrepareError {
-    /// Whether the configuration must change; else the device is gone, busy or without a signal, and it may be tried again.
+    /// Whether the configuration must change. Otherwise the device is gone, busy or without a signal, and a retry may
+    /// help.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         match self {
-            Self::Unfed | Self::Timings(TimingsError::NoSignal(_)) => false,
+            Self::NoWriter | Self::Timings(TimingsError::NoSignal(_)) => false,
             Self::Call(error)
             | Self::Format(FormatError::Call(error))
             | Self::Rate(RateError::Refused { source: error, .. })
             | Self::Timings(TimingsError::Call { source: error, .. }) => is_lasting(&error.source),
             Self::Controls(errors) => errors.iter().any(ControlError::is_lasting),
-            Self::NoCamera { .. } | Self::Timings(_) | Self::Format(_) | Self::Rate(_) | Self::Unsettled { .. } => true,
+            Self::NoCamera { .. } | Self::Timings(_) | Self::Format(_) | Self::Rate(_) | Self::FormatChanged { .. } => {
+                true
+            }
         }
     }
 }
 
-/// Sets a device as configured, and reads back what became of it.
+/// Sets a device as configured, and reads the settings back.
 ///
 /// # Errors
-/// It is no camera, does not take a setting as written, or is gone or busy.
+/// The device is not a camera, does not take a setting as written, or is gone or busy.
 pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> Result<Prepared, PrepareError> {
     let Wanted { format, size_px, rate_hz } = *wanted;
     let capability = Capability::read(device)?;
-    let kind = stream_of(&capability)?;
+    let kind = buffer_type(&capability)?;
     let signal = camera.video_timings.map(|wanted| timings::set(device, wanted)).transpose()?;
-    let controls = controls::all(device)?;
-    let [before, after] = split(&controls, &camera.controls);
-    // What turns or crops the images is part of their format.
+    let controls = controls::list_controls(device)?;
+    let [before, after] = split_settings(&controls, &camera.controls);
+    // Controls that rotate or crop the images change the format, so they are set before it.
     setting::set(device, &controls, &before).map_err(PrepareError::Controls)?;
-    let layout = format::set(device, kind, format, size_px).map_err(|error| unfed(&capability, error))?;
+    let layout = format::set(device, kind, format, size_px).map_err(|error| format_error(&capability, error))?;
     if camera.set_rate {
         rate::set(device, kind, rate_hz)?;
     }
     setting::set(device, &controls, &after).map_err(PrepareError::Controls)?;
-    let mut notes = vec![named(layout.code, layout.size_px)];
+    let mut notes = vec![format_text(layout.code, layout.size_px)];
+    // Only now: a later setting may have changed an earlier one, or the format.
     let read = setting::read_back(device, &controls, &camera.controls).map_err(PrepareError::Controls)?;
-    let settled = format::read(device, kind)?;
-    if settled != layout {
-        return Err(unsettled(&layout, &settled));
+    let found = format::read(device, kind)?;
+    if found != layout {
+        return Err(format_changed(&layout, &found));
     }
-    let found_hz = settled_rate(device, camera, signal, &layout, rate_hz)?;
+    let found_hz = final_rate(device, camera, signal, &layout, rate_hz)?;
     notes.push(found_hz.map_or_else(
         || "the device does not state its rate".to_owned(),
-        |found_hz| format!("{} images a second", shown(found_hz)),
+        |found_hz| format!("{} images a second", rate_text(found_hz)),
     ));
     let exposure_ns = exposure_ns(device, camera);
     notes.push(
         exposure_ns
-            .map_or_else(|| "length of exposure unknown".to_owned(), |ns| format!("exposure {} ms", ns as f64 * 1e-6)),
+            .map_or_else(|| "exposure time unknown".to_owned(), |ns| format!("exposure {} ms", ns as f64 * 1e-6)),
     );
     notes.extend(read);
     Ok(Prepared { kind: layout.kind, stride_bytes: layout.stride_bytes as usize, exposure_ns, notes })
 }
 
-fn stream_of(capability: &Capability) -> Result<u32, PrepareError> {
-    capability.stream().map_err(|what| match capability.is_unfed() {
-        true => PrepareError::Unfed,
+fn buffer_type(capability: &Capability) -> Result<u32, PrepareError> {
+    capability.buffer_type().map_err(|what| match capability.lacks_writer() {
+        true => PrepareError::NoWriter,
         false => PrepareError::NoCamera { what },
     })
 }
 
-/// A loopback device that calls itself a camera, but takes no format before somebody writes into it.
-fn unfed(capability: &Capability, error: FormatError) -> PrepareError {
+/// Converts an error of the format. Some loopback devices report that they are cameras, but take no format before a
+/// program writes into them.
+fn format_error(capability: &Capability, error: FormatError) -> PrepareError {
     match error {
         FormatError::Call(error) if capability.is_loopback() && error.errno() == Some(Errno::BUSY) => {
-            PrepareError::Unfed
+            PrepareError::NoWriter
         }
         error => error.into(),
     }
 }
 
-fn unsettled(wanted: &Layout, found: &Layout) -> PrepareError {
-    let told = |layout: &Layout| {
+fn format_changed(wanted: &Layout, found: &Layout) -> PrepareError {
+    let text = |layout: &Layout| {
         let Layout { stride_bytes, image_bytes, .. } = layout;
-        format!("{} ({image_bytes} bytes, {stride_bytes} a row)", named(layout.code, layout.size_px))
+        format!("{} ({image_bytes} bytes, {stride_bytes} per row)", format_text(layout.code, layout.size_px))
     };
-    PrepareError::Unsettled { wanted: told(wanted), found: told(found) }
+    PrepareError::FormatChanged { wanted: text(wanted), found: text(found) }
 }
 
-/// Settings that change the format, and the others.
-fn split(controls: &[Control], settings: &BTreeMap<String, ControlValue>) -> [BTreeMap<String, ControlValue>; 2] {
-    let changes_format =
-        |name: &str| controls.iter().any(|control| control.name == name && control.has(V4L2_CTRL_FLAG_MODIFY_LAYOUT));
+/// Separates the settings that change the format from the others.
+fn split_settings(
+    controls: &[Control],
+    settings: &BTreeMap<String, ControlValue>,
+) -> [BTreeMap<String, ControlValue>; 2] {
+    let changes_format = |name: &str| {
+        controls.iter().any(|control| control.name == name && control.has_flag(V4L2_CTRL_FLAG_MODIFY_LAYOUT))
+    };
     let (before, after) = settings.clone().into_iter().partition(|(name, _)| changes_format(name));
     [before, after]
 }
 
-/// The rate that the device has in the end, which must be the one it was told.
-fn settled_rate(
+/// Returns the frame rate after all settings; `None` if the device does not report it.
+///
+/// # Errors
+/// The rate was set and is another one now.
+fn final_rate(
     device: &Device,
     camera: &V4l2Camera,
     signal: Option<Signal>,
@@ -186,19 +197,19 @@ fn settled_rate(
 ) -> Result<Option<f64>, RateError> {
     let found = rate::read(device, layout.kind.code).or(signal.map(|signal| signal.rate_hz));
     match found {
-        Some(answered_hz) if camera.set_rate && !rate::is_kept(answered_hz, wanted_hz) => {
-            let offered_hz = offer::rates(device, layout.code, layout.size_px);
+        Some(answered_hz) if camera.set_rate && !rate::is_close(answered_hz, wanted_hz) => {
+            let offered_hz = offer::list_rates(device, layout.code, layout.size_px);
             Err(RateError::Other { wanted_hz, answered_hz, offered_hz })
         }
         found => Ok(found),
     }
 }
 
-/// Length of an exposure: as configured, or as the device has it; an automatic one is none.
+/// Returns the configured exposure time, or that of the device; `None` if the exposure is automatic or unknown.
 fn exposure_ns(device: &Device, camera: &V4l2Camera) -> Option<u64> {
     let read = || {
-        let control = controls::query(device, V4L2_CID_EXPOSURE_ABSOLUTE).ok()?;
-        if control.has(V4L2_CTRL_FLAG_INACTIVE) {
+        let control = controls::query_control(device, V4L2_CID_EXPOSURE_ABSOLUTE).ok()?;
+        if control.has_flag(V4L2_CTRL_FLAG_INACTIVE) {
             return None;
         }
         match control.read(device).ok()?? {

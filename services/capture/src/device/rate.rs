@@ -1,53 +1,54 @@
-//! Images a second: set where the device can be told, and read back.
+//! Sets the frame rate, if the device supports it, and reads it back.
 
 use v4l::v4l_sys::{V4L2_CAP_TIMEPERFRAME, v4l2_fract, v4l2_streamparm};
 
-use super::offer::{rate_hz, rates_text, shown};
+use super::offer::{rate_hz, rate_text, rates_text};
 use crate::ioctl::{CallError, Device, G_PARM, S_PARM, capture_parameters, zeroed};
 
-/// Share by which the rate may be off.
+/// Relative tolerance of the rate.
 const TOLERANCE: f64 = 0.01;
-/// Thousandths: rates are told to drivers so exactly.
-const PARTS: f64 = 1000.0;
+/// Numerator of a frame interval: drivers get rates with three decimals.
+const NUMERATOR: f64 = 1000.0;
 
-/// Why the images do not come at the rate that is wanted.
+/// Why a device does not send at the wanted rate.
 #[derive(Debug, thiserror::Error)]
 pub enum RateError {
     /// The device sends at another rate.
     #[error(
-        "the device sends {} images a second instead of {}{}; change cameras.rate_hz, shorten the exposure, or keep the \
-         rate of the device with set_rate = false", shown(*answered_hz), shown(*wanted_hz), offer(offered_hz)
+        "the device sends {} images a second instead of {}{}; change cameras.rate_hz, shorten the exposure, or keep \
+         the rate of the device with set_rate = false",
+        rate_text(*answered_hz), rate_text(*wanted_hz), offer_text(offered_hz)
     )]
     Other {
-        /// What is wanted.
+        /// The wanted rate.
         wanted_hz: f64,
-        /// What the device says.
+        /// The rate that the device reports.
         answered_hz: f64,
-        /// What it offers at this format and size, slowest and fastest of each.
+        /// Ranges that the device offers at this format and size, from slowest to fastest.
         offered_hz: Vec<[f64; 2]>,
     },
-    /// It cannot be told.
-    #[error("{} images a second: {source}; keep the rate of the device with set_rate = false", shown(*wanted_hz))]
+    /// The device refuses the rate.
+    #[error("{} images a second: {source}; keep the rate of the device with set_rate = false", rate_text(*wanted_hz))]
     Refused {
-        /// What is wanted.
+        /// The wanted rate.
         wanted_hz: f64,
-        /// The call.
+        /// The refused call.
         #[source]
         source: CallError,
     },
 }
 
-fn offer(rates_hz: &[[f64; 2]]) -> String {
+fn offer_text(rates_hz: &[[f64; 2]]) -> String {
     if rates_hz.is_empty() { String::new() } else { format!("; it offers {}", rates_text(rates_hz)) }
 }
 
-/// Tells the device the rate, if it can be told.
+/// Sets the rate, if the device has a rate that can be set.
 ///
 /// # Errors
 /// The device refuses it.
 pub(crate) fn set(device: &Device, kind: u32, rate_hz: f64) -> Result<(), RateError> {
     let mut parameters = v4l2_streamparm { type_: kind, ..zeroed() };
-    if !can_be_told(device, &mut parameters) {
+    if !has_rate(device, &mut parameters) {
         return Ok(());
     }
     capture_parameters(&mut parameters).timeperframe = interval(rate_hz);
@@ -55,29 +56,30 @@ pub(crate) fn set(device: &Device, kind: u32, rate_hz: f64) -> Result<(), RateEr
     device.call(&S_PARM, &mut parameters).map_err(refused)
 }
 
-/// The rate at this moment; `None` where the device does not tell.
+/// Reads the current rate. Returns `None` if the device does not report it.
 pub(crate) fn read(device: &Device, kind: u32) -> Option<f64> {
     let mut parameters = v4l2_streamparm { type_: kind, ..zeroed() };
-    let tells = can_be_told(device, &mut parameters);
-    tells.then(|| rate_hz(capture_parameters(&mut parameters).timeperframe)).flatten()
+    let has_rate = has_rate(device, &mut parameters);
+    has_rate.then(|| rate_hz(capture_parameters(&mut parameters).timeperframe)).flatten()
 }
 
-fn can_be_told(device: &Device, parameters: &mut v4l2_streamparm) -> bool {
-    // A device that knows no parameters refuses the call.
+/// Reads the parameters of a stream. Returns whether they contain a frame rate.
+fn has_rate(device: &Device, parameters: &mut v4l2_streamparm) -> bool {
+    // A device without parameters refuses the call.
     let answered = device.call(&G_PARM, parameters).is_ok();
     answered && capture_parameters(parameters).capability & V4L2_CAP_TIMEPERFRAME != 0
 }
 
-/// Whether a rate is the one that is wanted.
-pub(crate) fn is_kept(answered_hz: f64, wanted_hz: f64) -> bool {
+/// Whether a rate is the wanted one within the tolerance.
+pub(crate) fn is_close(answered_hz: f64, wanted_hz: f64) -> bool {
     (answered_hz - wanted_hz).abs() <= TOLERANCE * wanted_hz
 }
 
-/// The time from image to image as a fraction of seconds.
+/// Returns the frame interval as a fraction of seconds.
 fn interval(rate_hz: f64) -> v4l2_fract {
-    let whole = (rate_hz - rate_hz.round()).abs() < 1e-9;
-    let parts = if whole { 1.0 } else { PARTS };
-    v4l2_fract { numerator: parts as u32, denominator: (rate_hz * parts).round() as u32 }
+    let is_whole = (rate_hz - rate_hz.round()).abs() < 1e-9;
+    let numerator = if is_whole { 1.0 } else { NUMERATOR };
+    v4l2_fract { numerator: numerator as u32, denominator: (rate_hz * numerator).round() as u32 }
 }
 
 #[cfg(test)]
@@ -95,12 +97,12 @@ mod tests {
     }
 
     #[test]
-    fn a_percent_is_let_through() {
-        assert!(is_kept(59.94, 60.0) && is_kept(60.5, 60.0) && !is_kept(59.0, 60.0) && !is_kept(f64::NAN, 60.0));
+    fn rates_within_one_percent_are_accepted() {
+        assert!(is_close(59.94, 60.0) && is_close(60.5, 60.0) && !is_close(59.0, 60.0) && !is_close(f64::NAN, 60.0));
     }
 
     #[test]
-    fn what_is_offered_instead_is_told() {
+    fn the_error_lists_the_offered_rates() {
         let error =
             RateError::Other { wanted_hz: 60.0, answered_hz: 30.0, offered_hz: vec![[30.0, 30.0], [15.0, 15.0]] };
         assert!(error.to_string().starts_with("the device sends 30 images a second instead of 60; it offers 30, 15;"));

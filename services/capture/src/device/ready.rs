@@ -1,5 +1,5 @@
-//! A camera made ready to stream, from its name in the configuration on; and both looked at before anything starts: are
-//! they there, and do they take what is wanted?
+//! Opens a camera by its name in the configuration and prepares it for streaming. Also checks both cameras before a
+//! run: whether they are connected and take their settings.
 
 use std::path::{Path, PathBuf};
 
@@ -7,44 +7,44 @@ use fringeflow_config::V4l2Camera;
 
 use crate::ioctl::{CallError, Device};
 
-use super::find::{self, FindError};
+use super::find::{FindError, find_device, open_node};
 use super::prepare::{PrepareError, Prepared, Wanted, prepare};
 
-/// A camera that is there and takes its settings; it was let go again.
+/// A camera that is connected and takes its settings. It is closed again.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadyCamera {
-    /// Its node at this moment.
+    /// Its current node.
     pub path: PathBuf,
-    /// What was read back.
+    /// What was read back, as text.
     pub notes: Vec<String>,
 }
 
 /// Why a camera is not ready.
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
-    /// It is not found.
+    /// The camera was not found.
     #[error(transparent)]
     Find(#[from] FindError),
-    /// It does not take its settings.
+    /// The camera does not take its settings.
     #[error("{}: {source}", path.display())]
     Prepare {
         /// Its node.
         path: PathBuf,
-        /// What is wrong.
+        /// The reason.
         #[source]
         source: PrepareError,
     },
-    /// Its driver refuses to stream.
+    /// The driver refuses to stream.
     #[error("{}: {source}", path.display())]
     Stream {
         /// Its node.
         path: PathBuf,
-        /// The call.
+        /// The refused call.
         #[source]
         source: CallError,
     },
-    /// It is the other camera.
-    #[error("{} is camera 1 already; name another device", path.display())]
+    /// Both names mean the same device.
+    #[error("{} is already camera 1; name another device", path.display())]
     Same {
         /// The node of both.
         path: PathBuf,
@@ -52,7 +52,7 @@ pub enum CameraError {
 }
 
 impl CameraError {
-    /// Whether the configuration must change; else it may help to wait for the device.
+    /// Whether the configuration must change. Otherwise it may help to wait for the device.
     #[must_use]
     pub fn is_lasting(&self) -> bool {
         match self {
@@ -64,15 +64,15 @@ impl CameraError {
     }
 }
 
-/// Finds both cameras, sets them as configured, reads that back, and lets them go. Where it is not known what is wanted of
-/// them, they are only found.
+/// Finds both cameras, sets them as configured, reads the settings back, and closes them. Without `wanted` the cameras
+/// are only found.
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
         Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
         None => Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] }),
     };
     let [cam1, cam2] = cameras;
-    match [find::find(&cam1.device), find::find(&cam2.device)] {
+    match [find_device(&cam1.device), find_device(&cam2.device)] {
         [Ok(path1), Ok(path2)] if path1 == path2 => {
             let same = CameraError::Same { path: path2 };
             [check(cam1, path1), Err(same)]
@@ -87,15 +87,15 @@ pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Res
 /// Finds a camera, opens it, and sets it as configured.
 ///
 /// # Errors
-/// It is not there, or does not take its settings.
+/// The camera is not connected, or does not take its settings.
 pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Device, Prepared), CameraError> {
-    let path = find::find(&camera.device)?;
+    let path = find_device(&camera.device)?;
     let (device, prepared) = open_at(&path, camera, wanted)?;
     Ok((path, device, prepared))
 }
 
 fn open_at(path: &Path, camera: &V4l2Camera, wanted: &Wanted) -> Result<(Device, Prepared), CameraError> {
-    let device = find::open_node(path).map_err(FindError::Unopened)?;
+    let device = open_node(path).map_err(FindError::Unopened)?;
     match prepare(&device, camera, wanted) {
         Ok(prepared) => Ok((device, prepared)),
         Err(source) => Err(CameraError::Prepare { path: path.to_owned(), source }),

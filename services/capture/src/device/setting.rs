@@ -1,7 +1,7 @@
-//! Controls as configured: brought into an order that works, set, and read back.
+//! Sets the configured controls in an order that works, and reads them back.
 //!
-//! One control may hold another: automatic exposure holds the exposure, blanking bounds it. So menus and switches go first,
-//! and what is refused is tried again as long as anything else goes through.
+//! A control may depend on another: automatic exposure makes the exposure time inactive, and blanking limits it. So
+//! menus and switches are set first, and refused controls are tried again as long as another one succeeds.
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
@@ -13,66 +13,66 @@ use fringeflow_config::ControlValue;
 
 use crate::ioctl::{CallError, Device};
 
-use super::controls::{Control, ControlKind, query};
+use super::controls::{Control, ControlKind, query_control};
 use super::find::is_lasting;
 
-/// Likeness of two names, of 1, from which one is told in place of the other.
-const LIKE: f64 = 0.75;
-/// Most names that are told.
-const TOLD_NAMES: usize = 4;
+/// Least similarity of a name that is suggested in place of an unknown one, 0 to 1.
+const MIN_SIMILARITY: f64 = 0.75;
+/// Maximum number of suggested names.
+const MAX_SUGGESTIONS: usize = 4;
 
 /// A control that cannot be set as configured.
 #[derive(Debug, thiserror::Error)]
-#[error("control {name} = {value}: {problem}{}", takes(control.as_deref()))]
+#[error("control {name} = {value}: {problem}{}", accepted_text(control.as_deref()))]
 pub struct ControlError {
-    /// Its name.
+    /// Its name in the configuration.
     pub name: String,
     /// The configured value.
     pub value: ControlValue,
-    /// What is wrong.
+    /// The problem.
     #[source]
     pub problem: ControlProblem,
-    /// The control, if there is one.
+    /// The control, if the device has it.
     pub control: Option<Box<Control>>,
 }
 
-/// What is wrong with a control.
+/// Why a control cannot be set as configured.
 #[derive(Debug, thiserror::Error)]
 pub enum ControlProblem {
-    /// There is none of this name.
-    #[error("the device has no such control ({})", names_text(near))]
+    /// The device has no control of this name.
+    #[error("the device has no such control ({})", suggestions_text(similar))]
     Unknown {
-        /// Names that are like it.
-        near: Vec<String>,
+        /// Similar names.
+        similar: Vec<String>,
     },
-    /// A value of another type.
-    #[error("the control does not take this value")]
+    /// The value has the wrong type.
+    #[error("the value has the wrong type")]
     Type,
-    /// Outside its bounds, or no item of a menu.
-    #[error("the control cannot be set")]
+    /// The value is out of bounds, or not an item of the menu.
+    #[error("the value is out of range")]
     Range,
-    /// Between two steps.
-    #[error("the control has steps; the nearest value is {nearest}")]
+    /// The value is between two steps.
+    #[error("the value is between two steps; the nearest value is {nearest}")]
     Step {
         /// The nearest value.
         nearest: i64,
     },
-    /// It can only be read.
+    /// The control is read-only.
     #[error("the control is read-only")]
     ReadOnly,
-    /// Another control holds it.
-    #[error("another control holds it, such as an automatic one; set that one too")]
+    /// Another control makes it inactive.
+    #[error("another control, such as an automatic mode, makes it inactive; set that control too")]
     Inactive,
-    /// Somebody else uses the device.
-    #[error("the device is in use and holds it")]
+    /// The control is locked, because the device is in use.
+    #[error("the control is locked, because the device is in use")]
     Grabbed,
-    /// The device has another value after it was set.
+    /// The control reads back another value.
     #[error("the device set {found} instead")]
     Changed {
-        /// That value.
+        /// The value that was read back.
         found: String,
     },
-    /// The device refuses it.
+    /// The device refuses the call.
     #[error("{0}")]
     Call(#[source] CallError),
 }
@@ -88,28 +88,29 @@ impl ControlError {
     }
 }
 
-fn takes(control: Option<&Control>) -> String {
+fn accepted_text(control: Option<&Control>) -> String {
     control.map_or_else(String::new, |control| format!(" (it takes {control})"))
 }
 
-fn names_text(near: &[String]) -> String {
-    match near {
-        [] => "`fringeflow cameras` lists those that it has".to_owned(),
-        near => format!("it has {}", near.join(", ")),
+fn suggestions_text(similar: &[String]) -> String {
+    match similar {
+        [] => "`fringeflow cameras` lists its controls".to_owned(),
+        similar => format!("similar: {}", similar.join(", ")),
     }
 }
 
-/// Sets controls, and reads back what they are then.
+/// Sets the controls of `settings`.
 ///
 /// # Errors
-/// All those that cannot be set.
+/// All controls that cannot be set.
 pub(crate) fn set(
     device: &Device,
     controls: &[Control],
     settings: &BTreeMap<String, ControlValue>,
 ) -> Result<(), Vec<ControlError>> {
-    let (mut settings, unknown) = named(controls, settings);
+    let (mut settings, unknown) = match_controls(controls, settings);
     let mut failed = Vec::new();
+    // Each round may make further controls active or widen their bounds. A round without success ends the loop.
     while !settings.is_empty() {
         let before = settings.len();
         failed.clear();
@@ -130,16 +131,17 @@ pub(crate) fn set(
     Ok(())
 }
 
-/// Compares what controls are with what was set: a later one may have changed an earlier one. What they are, in words.
+/// Compares the controls with `settings`, because setting one control may have changed another. Returns their values as
+/// text.
 ///
 /// # Errors
-/// Those that are something else.
+/// All controls with other values.
 pub(crate) fn read_back(
     device: &Device,
     controls: &[Control],
     settings: &BTreeMap<String, ControlValue>,
 ) -> Result<Vec<String>, Vec<ControlError>> {
-    let (settings, _) = named(controls, settings);
+    let (settings, _) = match_controls(controls, settings);
     let (mut read, mut failed) = (Vec::new(), Vec::new());
     for setting in &settings {
         match compare(device, setting) {
@@ -150,6 +152,7 @@ pub(crate) fn read_back(
     if failed.is_empty() { Ok(read) } else { Err(failed) }
 }
 
+/// A control and its configured value.
 struct Setting<'a> {
     control: &'a Control,
     value: &'a ControlValue,
@@ -166,8 +169,8 @@ impl Setting<'_> {
     }
 }
 
-/// The controls that are to be set, those first that others depend on, and errors of those that are not there.
-fn named<'a>(
+/// Returns the controls to set, menus and switches first, and errors for names that the device does not have.
+fn match_controls<'a>(
     controls: &'a [Control],
     settings: &'a BTreeMap<String, ControlValue>,
 ) -> (Vec<Setting<'a>>, Vec<ControlError>) {
@@ -178,7 +181,7 @@ fn named<'a>(
             None => unknown.push(ControlError {
                 name: name.clone(),
                 value: value.clone(),
-                problem: ControlProblem::Unknown { near: near(controls, name) },
+                problem: ControlProblem::Unknown { similar: similar_names(controls, name) },
                 control: None,
             }),
         }
@@ -187,17 +190,17 @@ fn named<'a>(
     (found, unknown)
 }
 
-/// Names that are like a name, the most like first.
-fn near(controls: &[Control], name: &str) -> Vec<String> {
-    let likeness = |control: &Control| strsim::jaro_winkler(&control.name, name);
-    let mut like: Vec<&Control> = controls.iter().filter(|control| likeness(control) >= LIKE).collect();
-    like.sort_by(|a, b| likeness(b).total_cmp(&likeness(a)));
-    like.into_iter().take(TOLD_NAMES).map(|control| control.name.clone()).collect()
+/// Returns the names of controls that are similar to a name, the most similar first.
+fn similar_names(controls: &[Control], name: &str) -> Vec<String> {
+    let similarity = |control: &Control| strsim::jaro_winkler(&control.name, name);
+    let mut similar: Vec<&Control> = controls.iter().filter(|control| similarity(control) >= MIN_SIMILARITY).collect();
+    similar.sort_by(|a, b| similarity(b).total_cmp(&similarity(a)));
+    similar.into_iter().take(MAX_SUGGESTIONS).map(|control| control.name.clone()).collect()
 }
 
 fn set_one(device: &Device, setting: &Setting<'_>) -> Result<(), ControlError> {
-    // Bounds and flags change with what was set before.
-    let now = query(device, setting.control.id).map_err(|error| setting.error(ControlProblem::Call(error)))?;
+    // Bounds and flags may have changed since the controls were listed.
+    let now = query_control(device, setting.control.id).map_err(|error| setting.error(ControlProblem::Call(error)))?;
     let setting = Setting { control: &now, value: setting.value };
     let problem = match encode(&now, setting.value) {
         Ok(encoded) => write(device, &now, &encoded).map_err(ControlProblem::Call),
@@ -206,57 +209,60 @@ fn set_one(device: &Device, setting: &Setting<'_>) -> Result<(), ControlError> {
     problem.map_err(|problem| setting.error(problem))
 }
 
-/// A value as a control takes it.
+/// A value in the form that a call takes.
 #[derive(Debug, PartialEq, Eq)]
 enum Encoded {
     Number(i64),
     Text(CString),
+    /// A button that is not pressed.
     Nothing,
 }
 
 fn write(device: &Device, control: &Control, value: &Encoded) -> Result<(), CallError> {
     match value {
-        Encoded::Number(number) => device.set_number(control.id, control.kind == ControlKind::Integer64, *number),
-        Encoded::Text(text) => device.set_text(control.id, text),
+        Encoded::Number(number) => {
+            device.set_integer_control(control.id, control.kind == ControlKind::Integer64, *number)
+        }
+        Encoded::Text(text) => device.set_string_control(control.id, text),
         Encoded::Nothing => Ok(()),
     }
 }
 
-/// Checks a value against what a control takes.
+/// Checks and encodes a value for a control.
 fn encode(control: &Control, value: &ControlValue) -> Result<Encoded, ControlProblem> {
-    if control.has(V4L2_CTRL_FLAG_READ_ONLY) {
+    if control.has_flag(V4L2_CTRL_FLAG_READ_ONLY) {
         return Err(ControlProblem::ReadOnly);
     }
-    if control.has(V4L2_CTRL_FLAG_INACTIVE) {
+    if control.has_flag(V4L2_CTRL_FLAG_INACTIVE) {
         return Err(ControlProblem::Inactive);
     }
-    if control.has(V4L2_CTRL_FLAG_GRABBED) {
+    if control.has_flag(V4L2_CTRL_FLAG_GRABBED) {
         return Err(ControlProblem::Grabbed);
     }
     match (control.kind, value) {
-        (ControlKind::Integer | ControlKind::Integer64, ControlValue::Number(number)) => stepped(control, *number),
+        (ControlKind::Integer | ControlKind::Integer64, ControlValue::Number(number)) => check_number(control, *number),
         (ControlKind::Boolean, ControlValue::Switch(is_on)) => Ok(Encoded::Number((*is_on).into())),
         (ControlKind::Boolean, ControlValue::Number(number @ 0..=1)) => Ok(Encoded::Number(*number)),
-        (ControlKind::Menu | ControlKind::IntegerMenu, value) => item(control, value).map(Encoded::Number),
+        (ControlKind::Menu | ControlKind::IntegerMenu, value) => item_number(control, value).map(Encoded::Number),
         (ControlKind::Bitmask, ControlValue::Number(bits)) => {
             let bits = u32::try_from(*bits).map_err(|_| ControlProblem::Range)?;
             let is_within = i64::from(bits) & !control.greatest == 0;
-            // The call carries the same bits as a signed number.
+            // The call carries the bits as a signed number.
             if is_within { Ok(Encoded::Number(bits.cast_signed().into())) } else { Err(ControlProblem::Range) }
         }
         (ControlKind::Button, ControlValue::Switch(is_pressed)) => {
             Ok(if *is_pressed { Encoded::Number(1) } else { Encoded::Nothing })
         }
         (ControlKind::Text, ControlValue::Text(text)) => {
-            stepped(control, i64::try_from(text.len()).unwrap_or(i64::MAX))?;
+            check_number(control, i64::try_from(text.len()).unwrap_or(i64::MAX))?;
             CString::new(text.as_str()).map(Encoded::Text).map_err(|_| ControlProblem::Type)
         }
         _ => Err(ControlProblem::Type),
     }
 }
 
-/// A number within its bounds and on a step; drivers move one between two steps without a word.
-fn stepped(control: &Control, number: i64) -> Result<Encoded, ControlProblem> {
+/// Checks that a number is in bounds and on a step: drivers round other numbers silently.
+fn check_number(control: &Control, number: i64) -> Result<Encoded, ControlProblem> {
     if !(control.least..=control.greatest).contains(&number) {
         return Err(ControlProblem::Range);
     }
@@ -273,8 +279,8 @@ fn stepped(control: &Control, number: i64) -> Result<Encoded, ControlProblem> {
     Err(ControlProblem::Step { nearest: i64::try_from(nearest).unwrap_or(control.least) })
 }
 
-/// Number of an item of a menu, by its number or its name.
-fn item(control: &Control, value: &ControlValue) -> Result<i64, ControlProblem> {
+/// Returns the number of a menu item that is given by number or name.
+fn item_number(control: &Control, value: &ControlValue) -> Result<i64, ControlProblem> {
     let is_meant = |item: &&crate::device::controls::MenuItem| match value {
         ControlValue::Number(number) => item.number == *number,
         ControlValue::Text(name) => item.name == *name,
@@ -283,23 +289,26 @@ fn item(control: &Control, value: &ControlValue) -> Result<i64, ControlProblem> 
     control.items.iter().find(is_meant).map(|item| item.number).ok_or(ControlProblem::Range)
 }
 
-/// What a control is, if that is what was set.
+/// Reads a control back and returns its value as text.
+///
+/// # Errors
+/// The value is not the one that was set.
 fn compare(device: &Device, setting: &Setting<'_>) -> Result<String, ControlProblem> {
     let control = setting.control;
     let Some(found) = control.read(device).map_err(ControlProblem::Call)? else {
         return Ok(setting.value.to_string());
     };
-    let shown = control.shown(&found);
-    if !control.keeps_its_value() || is_same(control, setting.value, &found) {
-        return Ok(shown);
+    let text = control.value_text(&found);
+    if !control.reads_back() || is_same(control, setting.value, &found) {
+        return Ok(text);
     }
-    Err(ControlProblem::Changed { found: shown })
+    Err(ControlProblem::Changed { found: text })
 }
 
 fn is_same(control: &Control, wanted: &ControlValue, found: &ControlValue) -> bool {
     let number = |value: &ControlValue| match value {
         ControlValue::Switch(is_on) => Some(i64::from(*is_on)),
-        value if !control.items.is_empty() => item(control, value).ok(),
+        value if !control.items.is_empty() => item_number(control, value).ok(),
         ControlValue::Number(number) => Some(*number),
         ControlValue::Text(_) => None,
     };
@@ -334,37 +343,37 @@ mod tests {
         }
     }
 
-    fn number(control: &Control, value: i64) -> Result<Encoded, String> {
+    fn encode_number(control: &Control, value: i64) -> Result<Encoded, String> {
         encode(control, &ControlValue::Number(value)).map_err(|problem| problem.to_string())
     }
 
     #[test]
-    fn numbers_keep_to_bounds_and_steps() {
+    fn numbers_must_be_in_bounds_and_on_a_step() {
         let gain = control(ControlKind::Integer, 4, 100, 10);
-        assert_eq!(number(&gain, 14), Ok(Encoded::Number(14)));
-        assert_eq!(number(&gain, 94), Ok(Encoded::Number(94)));
-        assert!(number(&gain, 3).is_err() && number(&gain, 101).is_err());
-        assert_eq!(number(&gain, 18).unwrap_err(), "the control has steps; the nearest value is 14");
-        assert_eq!(number(&gain, 20).unwrap_err(), "the control has steps; the nearest value is 24");
+        assert_eq!(encode_number(&gain, 14), Ok(Encoded::Number(14)));
+        assert_eq!(encode_number(&gain, 94), Ok(Encoded::Number(94)));
+        assert!(encode_number(&gain, 3).is_err() && encode_number(&gain, 101).is_err());
+        assert_eq!(encode_number(&gain, 18).unwrap_err(), "the value is between two steps; the nearest value is 14");
+        assert_eq!(encode_number(&gain, 20).unwrap_err(), "the value is between two steps; the nearest value is 24");
         // The step above would be out of bounds.
-        assert_eq!(number(&gain, 100).unwrap_err(), "the control has steps; the nearest value is 94");
+        assert_eq!(encode_number(&gain, 100).unwrap_err(), "the value is between two steps; the nearest value is 94");
     }
 
     #[test]
-    fn absurd_bounds_are_no_panic() {
+    fn absurd_bounds_do_not_panic() {
         let full = |step| control(ControlKind::Integer64, i64::MIN, i64::MAX, step);
-        assert_eq!(number(&full(0), i64::MAX), Ok(Encoded::Number(i64::MAX)));
-        assert!(number(&full(u64::MAX), 5).is_err() && number(&full(1 << 63), i64::MAX).is_err());
-        assert!(number(&control(ControlKind::Integer, 5, -5, 1), 0).is_err());
+        assert_eq!(encode_number(&full(0), i64::MAX), Ok(Encoded::Number(i64::MAX)));
+        assert!(encode_number(&full(u64::MAX), 5).is_err() && encode_number(&full(1 << 63), i64::MAX).is_err());
+        assert!(encode_number(&control(ControlKind::Integer, 5, -5, 1), 0).is_err());
     }
 
     #[test]
-    fn items_of_menus_go_by_number_and_name() {
+    fn menu_items_are_found_by_number_and_name() {
         let text = |name: &str| encode(&menu(), &ControlValue::Text(name.into()));
         assert_eq!(text("Aperture Priority").unwrap(), Encoded::Number(3));
-        assert_eq!(number(&menu(), 1), Ok(Encoded::Number(1)));
-        // A gap of the menu, and another spelling.
-        assert!(number(&menu(), 2).is_err() && text("manual mode").is_err());
+        assert_eq!(encode_number(&menu(), 1), Ok(Encoded::Number(1)));
+        // A gap in the menu, and another spelling.
+        assert!(encode_number(&menu(), 2).is_err() && text("manual mode").is_err());
         let wanted = ControlValue::Text("Manual Mode".into());
         assert!(is_same(&menu(), &wanted, &ControlValue::Number(1)));
         assert!(!is_same(&menu(), &wanted, &ControlValue::Number(3)));
@@ -377,43 +386,44 @@ mod tests {
         assert_eq!(encode(&control(ControlKind::Button, 0, 0, 0), &on).unwrap(), Encoded::Number(1));
         assert!(encode(&control(ControlKind::Integer, 0, 9, 1), &on).is_err());
         let bits = control(ControlKind::Bitmask, 0, 0x8000_0001, 0);
-        assert_eq!(number(&bits, 0x8000_0000), Ok(Encoded::Number(i64::from(i32::MIN))));
-        assert!(number(&bits, 2).is_err() && number(&bits, -1).is_err());
+        assert_eq!(encode_number(&bits, 0x8000_0000), Ok(Encoded::Number(i64::from(i32::MIN))));
+        assert!(encode_number(&bits, 2).is_err() && encode_number(&bits, -1).is_err());
         let text = |value: &str| encode(&control(ControlKind::Text, 2, 4, 2), &ControlValue::Text(value.into()));
         assert_eq!(text("ab").unwrap(), Encoded::Text(c"ab".into()));
         assert!(text("abc").is_err() && text("abcdef").is_err() && text("a\0").is_err());
     }
 
     #[test]
-    fn what_holds_a_control_is_told() {
-        let flagged = |flags| number(&Control { flags, ..control(ControlKind::Integer, 0, 9, 1) }, 5).unwrap_err();
+    fn errors_name_the_flag_that_blocks_a_control() {
+        let flagged =
+            |flags| encode_number(&Control { flags, ..control(ControlKind::Integer, 0, 9, 1) }, 5).unwrap_err();
         assert!(flagged(V4L2_CTRL_FLAG_READ_ONLY).contains("read-only"));
-        assert!(flagged(V4L2_CTRL_FLAG_INACTIVE).contains("another control holds it"));
+        assert!(flagged(V4L2_CTRL_FLAG_INACTIVE).contains("makes it inactive"));
         assert!(flagged(V4L2_CTRL_FLAG_GRABBED).contains("in use"));
     }
 
     #[test]
-    fn errors_name_bounds_items_and_names_that_are_like_it() {
+    fn errors_name_bounds_items_and_similar_names() {
         let value = ControlValue::Number(300);
         let gain = control(ControlKind::Integer, 0, 255, 1);
         let error = Setting { control: &gain, value: &value }.error(ControlProblem::Range).to_string();
-        assert_eq!(error, "control gain = 300: the control cannot be set (it takes a number from 0 to 255, default 0)");
+        assert_eq!(error, "control gain = 300: the value is out of range (it takes a number from 0 to 255, default 0)");
         let menu = menu();
         let error = Setting { control: &menu, value: &value }.error(ControlProblem::Range).to_string();
         assert!(error.ends_with("(it takes one of 1 \"Manual Mode\", 3 \"Aperture Priority\", default 0)"), "{error}");
         let settings = BTreeMap::from([("gane".to_owned(), value)]);
         let controls = [gain];
-        let (found, unknown) = named(&controls, &settings);
+        let (found, unknown) = match_controls(&controls, &settings);
         assert!(found.is_empty());
-        assert_eq!(unknown[0].to_string(), "control gane = 300: the device has no such control (it has gain)");
+        assert_eq!(unknown[0].to_string(), "control gane = 300: the device has no such control (similar: gain)");
     }
 
     #[test]
-    fn menus_and_switches_go_first() {
-        let named_as = |name: &str, kind| Control { name: name.into(), ..control(kind, 0, 9, 1) };
-        let controls = [named_as("a", ControlKind::Integer), named_as("z", ControlKind::Boolean)];
+    fn menus_and_switches_are_set_first() {
+        let control_named = |name: &str, kind| Control { name: name.into(), ..control(kind, 0, 9, 1) };
+        let controls = [control_named("a", ControlKind::Integer), control_named("z", ControlKind::Boolean)];
         let settings = ["a", "z"].map(|name| (name.to_owned(), ControlValue::Number(1))).into();
-        let (ordered, _) = named(&controls, &settings);
+        let (ordered, _) = match_controls(&controls, &settings);
         let names: Vec<&str> = ordered.iter().map(|setting| setting.control.name.as_str()).collect();
         assert_eq!(names, ["z", "a"]);
     }

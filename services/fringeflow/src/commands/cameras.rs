@@ -1,4 +1,4 @@
-//! `fringeflow cameras`: which V4L2 cameras there are, and what each can do.
+//! `fringeflow cameras`: lists the V4L2 cameras and their capabilities.
 
 use std::io::{self, Write};
 
@@ -11,7 +11,7 @@ use crate::json;
 /// Arguments of `fringeflow cameras`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The device to show: a path, "bus:" and a `bus_info`, or "serial:" and a serial number. Without it all cameras are shown.
+    /// Device to show: a path, "bus:" and a `bus_info`, or "serial:" and a serial number. The default is all cameras.
     device: Option<DeviceName>,
     /// Print one JSON object.
     #[arg(long)]
@@ -37,7 +37,7 @@ impl Args {
             writeln!(
                 out,
                 "No V4L2 camera was found. Check the cable. Check that the driver is loaded (`lsmod`; USB cameras use \
-                 uvcvideo). In a container, check that /dev/video is passed on."
+                 uvcvideo). In a container, check that it has access to /dev/video*."
             )?;
         }
         for listing in &listings {
@@ -61,11 +61,11 @@ fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
         writeln!(out, "  problem: {problem}")?;
     }
     if let Some(signal) = &listing.video_signal {
-        writeln!(out, "  video signal: set to {}, sees {}", signal.set, signal.seen)?;
+        writeln!(out, "  video signal: set to {}, detected {}", signal.set, signal.seen)?;
     }
     let (taken, others): (Vec<_>, Vec<_>) = listing.formats.iter().partition(|format| format.is_taken);
     if !taken.is_empty() {
-        writeln!(out, "  formats for cameras.format, with images a second in brackets")?;
+        writeln!(out, "  formats for cameras.format, with images per second in brackets")?;
     }
     taken.into_iter().try_for_each(|format| print_format(out, format))?;
     if !others.is_empty() {
@@ -92,7 +92,7 @@ fn print_format(out: &mut impl Write, format: &OfferedFormat) -> io::Result<()> 
 
 fn print_control(out: &mut impl Write, listed: &ListedControl) -> io::Result<()> {
     let ListedControl { control, value } = listed;
-    let value = value.as_ref().map_or_else(String::new, |value| format!(" = {}", control.shown(value)));
+    let value = value.as_ref().map_or_else(String::new, |value| format!(" = {}", control.value_text(value)));
     let flags = listed.flags();
     let flags = if flags.is_empty() { String::new() } else { format!(" [{}]", flags.join(", ")) };
     writeln!(out, "    {}{value}: {control}{flags}", control.name)

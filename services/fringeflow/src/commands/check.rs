@@ -1,4 +1,4 @@
-//! `fringeflow check`: is a recording whole, and was anything lost when it was made.
+//! `fringeflow check`: checks whether a recording is intact and whether messages were lost when it was made.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -34,11 +34,11 @@ impl Args {
         }
         let file = self.input.display();
         if check.fault_count > 0 {
-            return Err(Failure::Refuted(format!("{file}: {} messages are wrong", check.fault_count)));
+            return Err(Failure::Mismatch(format!("{file}: {} messages are invalid", check.fault_count)));
         }
         if check.has_losses() {
             return Err(Failure::Losses(format!(
-                "{file}: the recording is whole, but images or messages were lost when it was made"
+                "{file}: the recording is intact, but images or messages were lost when it was made"
             )));
         }
         Ok(())
@@ -46,7 +46,7 @@ impl Args {
 
     fn print(&self, check: &Check) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
-        writeln!(out, "{}: {} messages, all checksums and counts are right", self.input.display(), check.messages)?;
+        writeln!(out, "{}: {} messages, all checksums and counts are correct", self.input.display(), check.messages)?;
         for fault in &check.faults {
             writeln!(out, "fault: {fault}")?;
         }

@@ -1,4 +1,4 @@
-//! `fringeflow control`: commands to a running instance.
+//! `fringeflow control`: sends a command to a running instance.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use fringeflow_transport::{Instance, request};
 
 use crate::failure::Failure;
 
-use super::status::ANSWER;
+use super::instances::RESPONSE_TIMEOUT;
 
 /// Arguments of `fringeflow control`.
 #[derive(clap::Args)]
@@ -17,18 +17,18 @@ pub(crate) struct Args {
     #[arg(value_name = "NAME")]
     instance: String,
     #[command(subcommand)]
-    wish: Wish,
+    action: Action,
 }
 
 #[derive(clap::Subcommand)]
-enum Wish {
+enum Action {
     /// Start cameras and projector.
     Start,
-    /// Stop cameras and projector. The services stay.
+    /// Stop cameras and projector. The services keep running.
     Stop,
     /// Start a recording.
     Record {
-        /// Its file. By default it is named by the time, in the folder of the configuration.
+        /// File to write. The default is a name with the time, in the folder that the configuration sets.
         file: Option<PathBuf>,
     },
     /// End the recording.
@@ -44,39 +44,39 @@ enum Wish {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let (command, text) = self.wish.command()?;
+        let (command, text) = self.action.command()?;
         if !Text::fits(&text) {
             return Err(Failure::Usage(format!("{text:?} is too long; give at most 256 bytes")));
         }
         let instance = Instance::new(&self.instance)?;
-        let asked = ControlRequest { command: command as u32, reserved: 0, text: Text::new(&text) };
-        let response = request(&instance, &asked, ANSWER)?;
+        let command = ControlRequest { command: command as u32, reserved: 0, text: Text::new(&text) };
+        let response = request(&instance, &command, RESPONSE_TIMEOUT)?;
         if response.refused != 0 {
             return Err(Failure::Usage(response.text.to_text()));
         }
-        Ok(writeln!(std::io::stdout(), "{}: {}", self.instance, self.wish.answer(&response))?)
+        Ok(writeln!(std::io::stdout(), "{}: {}", self.instance, self.action.result_text(&response))?)
     }
 }
 
-impl Wish {
+impl Action {
     fn command(&self) -> Result<(Command, String), Failure> {
-        let plain = |command| Ok((command, String::new()));
+        let without_text = |command| Ok((command, String::new()));
         match self {
-            Self::Start => plain(Command::Start),
-            Self::Stop => plain(Command::Stop),
-            Self::Record { file: None } => plain(Command::RecordStart),
-            // The instance may run in another folder.
+            Self::Start => without_text(Command::Start),
+            Self::Stop => without_text(Command::Stop),
+            Self::Record { file: None } => without_text(Command::RecordStart),
+            // The instance may run in another working directory.
             Self::Record { file: Some(file) } => {
                 Ok((Command::RecordStart, std::path::absolute(file)?.to_string_lossy().into_owned()))
             }
-            Self::EndRecording => plain(Command::RecordStop),
+            Self::EndRecording => without_text(Command::RecordStop),
             Self::Mark { text } => Ok((Command::Mark, text.clone())),
-            Self::Quit => plain(Command::Quit),
+            Self::Quit => without_text(Command::Quit),
         }
     }
 
-    /// What the instance did, and the recording that it did it to.
-    fn answer(&self, response: &ControlResponse) -> String {
+    /// Describes what the instance did, and names the recording if the command is about one.
+    fn result_text(&self, response: &ControlResponse) -> String {
         let done = response.text.to_text();
         match self {
             Self::Record { .. } | Self::EndRecording | Self::Mark { .. } => {

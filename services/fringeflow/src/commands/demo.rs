@@ -1,4 +1,4 @@
-//! `fringeflow demo`: a live scan by a virtual scanner, without a rig.
+//! `fringeflow demo`: runs a live scan with a virtual scanner, without a rig.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -10,21 +10,22 @@ use crate::failure::Failure;
 use crate::globals::Globals;
 use crate::output_folder;
 
-use super::run::Scan;
+use super::run::ScanArgs;
 
-/// The configuration, with paths as seen from the folder in which it stands in the repository.
+/// The configuration. Its paths are relative to its folder in the repository.
 const CONFIGURATION: &str = include_str!("../../../../configs/demo.toml");
-/// The folder of all that the demo writes, as seen from there.
-const FOLDER: &str = "../demo-output";
+/// Output folder of the demo, as the configuration names it.
+const OUTPUT_FOLDER: &str = "../demo-output";
 
 /// Arguments of `fringeflow demo`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder of the demo. It also gets the configuration, demo.toml. Change it, and the next demo in this folder uses it.
+    /// Output folder. The demo also writes its configuration there, demo.toml. You can change it for the next demo in
+    /// this folder.
     #[arg(long, short, value_name = "FOLDER", default_value = "demo-output")]
     output: PathBuf,
     #[command(flatten)]
-    scan: Scan,
+    scan: ScanArgs,
 }
 
 impl Args {
@@ -32,23 +33,23 @@ impl Args {
         globals.start_log("demo");
         let config = self.output.join("demo.toml");
         output_folder::prepare(&self.output)?;
-        provide(&config)?;
+        write_configuration(&config)?;
         let arguments = ServiceArgs { config, setup: None, segment_table: None, restarts: 0, supervised: false };
         self.scan.run(&arguments, globals)
     }
 }
 
-/// Puts the configuration in its place, unless there is one.
-fn provide(config: &Path) -> Result<(), Failure> {
+/// Writes the configuration, unless the file exists.
+fn write_configuration(config: &Path) -> Result<(), Failure> {
     match write_new(config, |file| file.write_all(configuration().as_bytes())) {
         Err(WriteError { problem: WriteProblem::Exists, .. }) => Ok(()),
         written => Ok(written?),
     }
 }
 
-/// With paths as seen from the folder of the demo.
+/// The configuration with paths relative to the output folder.
 fn configuration() -> String {
-    CONFIGURATION.replace(&format!("\"{FOLDER}\""), "\".\"").replace(&format!("\"{FOLDER}/"), "\"")
+    CONFIGURATION.replace(&format!("\"{OUTPUT_FOLDER}\""), "\".\"").replace(&format!("\"{OUTPUT_FOLDER}/"), "\"")
 }
 
 #[cfg(test)]
@@ -58,7 +59,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everything_it_writes_lies_in_its_folder() {
+    fn the_demo_writes_only_to_its_folder() {
         let text = configuration();
         assert!(!text.contains("\"../"), "{text}");
         let demo = ScannerConfiguration::parse(&text, Path::new("/scans/demo")).unwrap();

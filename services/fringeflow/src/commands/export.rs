@@ -1,4 +1,4 @@
-//! `fringeflow export`: clouds of a recording as files, or its images as a dataset folder.
+//! `fringeflow export`: writes the clouds of a recording as files, or its images as a dataset folder.
 
 use std::io::Write as _;
 use std::ops::Range;
@@ -10,7 +10,7 @@ use fringeflow_dataset::check_new;
 use fringeflow_recording::{Recording, Topic, export_images};
 
 use crate::failure::Failure;
-use crate::proposed::frames;
+use crate::proposed::parse_range;
 use crate::values::unit;
 use crate::{json, output_folder, progress};
 
@@ -22,11 +22,11 @@ pub(crate) struct Args {
     /// File for one cloud (.ply, .pcd or .npz), or a new folder for several clouds or images.
     #[arg(short, long, value_name = "FILE|FOLDER")]
     output: PathBuf,
-    /// Number of the cloud for the file, counted from 0.
+    /// With a file: number of the cloud to export, counted from 0.
     #[arg(long, value_name = "K", default_value_t = 0, conflicts_with_all = ["clouds", "images"])]
     cloud: usize,
-    /// Export clouds A to B to the folder, without B. By default all are exported.
-    #[arg(long, value_name = "A..B", value_parser = frames, conflicts_with = "images")]
+    /// With a folder: export clouds A to B, without B. The default is all.
+    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "images")]
     clouds: Option<Range<usize>>,
     /// Format of the clouds in the folder.
     #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["ply", "pcd", "npz"])]
@@ -34,8 +34,8 @@ pub(crate) struct Args {
     /// Write the images as a dataset folder. This is the inverse of `import`.
     #[arg(long)]
     images: bool,
-    /// With --images: export image pairs A to B, without B. By default all are exported.
-    #[arg(long, value_name = "A..B", value_parser = frames, requires = "images")]
+    /// With --images: export image pairs A to B, without B. The default is all.
+    #[arg(long, value_name = "A..B", value_parser = parse_range, requires = "images")]
     frames: Option<Range<usize>>,
     /// Unit of the clouds.
     #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = unit())]

@@ -1,4 +1,4 @@
-//! `fringeflow import`: from a dataset folder to a recording.
+//! `fringeflow import`: converts a dataset folder to a recording.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,8 +20,8 @@ pub(crate) struct Args {
     /// Recording to write.
     #[arg(short, long, value_name = "REC")]
     output: PathBuf,
-    /// Image pairs a second, 0.001 to 100000.
-    #[arg(long, value_name = "HZ", default_value_t = 30.0, value_parser = rate)]
+    /// Image pairs per second, 0.001 to 100000.
+    #[arg(long, value_name = "HZ", default_value_t = 30.0, value_parser = parse_rate)]
     rate: f64,
     /// TOML file with settings for the recording, see configs/reconstruct.toml.
     #[arg(long, value_name = "FILE")]
@@ -41,11 +41,11 @@ struct Report<'a> {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        // A recording has no place for a unit beside the description, so the folder must state it.
+        // A recording stores the unit in its description only, so the folder must state it.
         let dataset = Dataset::open(&self.input, None::<Unit>)?;
         let configuration = match &self.config {
             Some(path) => configuration_text(path)?,
-            None => settings_of_few_images(&dataset),
+            None => settings_for_few_images(&dataset),
         };
         let options = ImportOptions {
             period_ns: (1e9 / self.rate).round() as u64,
@@ -65,7 +65,7 @@ impl Args {
     }
 }
 
-/// The text of a configuration file, once it is known to be one.
+/// Reads a configuration file and checks that it is valid. Returns its text.
 fn configuration_text(path: &Path) -> Result<String, ConfigurationError> {
     let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
     let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
@@ -73,9 +73,9 @@ fn configuration_text(path: &Path) -> Result<String, ConfigurationError> {
     Ok(text)
 }
 
-/// The settings of a folder whose images are not enough for a window that compensates motion: with the usual ones a replay
-/// would wait for images that never come.
-fn settings_of_few_images(dataset: &Dataset) -> String {
+/// Settings for a folder with too few images for a window that compensates motion; empty if there are enough. With the
+/// default settings a replay would wait for images that never come.
+fn settings_for_few_images(dataset: &Dataset) -> String {
     let (images, steps) = (dataset.setup.sequence.shifts_rad.len(), dataset.setup.steps);
     if images >= Settings::default().window_images(steps) {
         return String::new();
@@ -83,8 +83,8 @@ fn settings_of_few_images(dataset: &Dataset) -> String {
     format!("[phase]\nextra_images = {}\n", images.saturating_sub(steps))
 }
 
-/// A rate that a camera can have.
-fn rate(text: &str) -> Result<f64, String> {
+/// Parses a rate of image pairs, Hz.
+fn parse_rate(text: &str) -> Result<f64, String> {
     let rate = text.parse::<f64>().ok().filter(|rate| (0.001..=100_000.0).contains(rate));
-    rate.ok_or_else(|| format!("{text:?} is not a rate; write image pairs a second, 0.001 to 100000"))
+    rate.ok_or_else(|| format!("{text:?} is not a rate; write image pairs per second, 0.001 to 100000"))
 }

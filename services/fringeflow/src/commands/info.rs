@@ -1,4 +1,4 @@
-//! `fringeflow info`: what is in a recording.
+//! `fringeflow info`: shows the contents of a recording.
 
 use std::path::PathBuf;
 
@@ -30,12 +30,12 @@ impl Args {
 struct Report {
     #[serde(flatten)]
     summary: Summary,
-    /// Over all recorded windows, where they told of it.
+    /// Health over all recorded windows; empty if they do not report it.
     #[serde(skip_serializing_if = "HealthRecord::is_empty")]
     health: HealthRecord,
 }
 
-/// What the windows tell of the health of the scanner.
+/// Collects the health of the scanner from the recorded windows.
 fn health(recording: &Recording) -> Result<HealthRecord, RecordingError> {
     let mut record = HealthRecord::default();
     for message in recording.messages_of(Topic::WindowReport) {
@@ -87,6 +87,6 @@ fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) 
     }
     match s.lost {
         Some(lost) => writeln!(out, "lost by the recorder: {lost} messages"),
-        None => writeln!(out, "lost by the recorder: unknown, the recorder did not end in order"),
+        None => writeln!(out, "lost by the recorder: unknown, the recorder was not shut down properly"),
     }
 }

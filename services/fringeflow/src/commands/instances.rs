@@ -1,21 +1,24 @@
-//! `fringeflow status` without a name: which instances run.
+//! `fringeflow status` without a name: lists the running instances.
 
 use std::io::{self, Write};
+use std::time::Duration;
 
 use fringeflow_message::{Command, ControlRequest};
-use fringeflow_supervisor::{headline, waiting_from_outside};
-use fringeflow_transport::{Begun, Instance, TransportError, request};
+use fringeflow_runtime::dashboard_file;
+use fringeflow_supervisor::{headline, read_startup_status};
+use fringeflow_transport::{Instance, StartedInstance, TransportError, request};
 
 use crate::failure::Failure;
 use crate::json;
 
-use super::status::{ANSWER, dashboard};
+/// Longest wait for the response of an instance.
+pub(super) const RESPONSE_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// An instance that runs.
+/// A running instance.
 #[derive(serde::Serialize)]
 struct Entry {
     instance: String,
-    /// When its supervisor began, UTC.
+    /// Start of its supervisor, UTC.
     since: String,
     state: String,
     dashboard: Option<String>,
@@ -26,20 +29,25 @@ struct Instances {
     instances: Vec<Entry>,
 }
 
-/// Lists the instances of this user that run.
+/// Lists the running instances of this user.
 pub(super) fn list(as_json: bool) -> Result<(), Failure> {
-    let instances: Vec<Entry> = Instance::begun()?.iter().filter_map(entry).collect();
+    let instances: Vec<Entry> = Instance::list_started()?.iter().filter_map(entry).collect();
     if as_json {
         return json::print(&Instances { instances });
     }
     Ok(print(&mut io::stdout().lock(), &instances)?)
 }
 
-/// `None` for an instance whose supervisor was killed.
-fn entry(Begun { instance, since }: &Begun) -> Option<Entry> {
-    let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
-    let state = match request(instance, &asked, ANSWER) {
-        Ok(response) => headline(&response.state, waiting_from_outside(instance, &response.state).as_deref()),
+/// URL of the dashboard of an instance, if it has one.
+pub(super) fn dashboard_url(instance: &Instance) -> Option<String> {
+    std::fs::read_to_string(dashboard_file(instance)).ok()
+}
+
+/// Asks an instance for its state; returns `None` if its supervisor was killed.
+fn entry(StartedInstance { instance, since }: &StartedInstance) -> Option<Entry> {
+    let state_request = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
+    let state = match request(instance, &state_request, RESPONSE_TIMEOUT) {
+        Ok(response) => headline(&response.state, read_startup_status(instance, &response.state).as_deref()),
         Err(TransportError::NotRunning { .. }) => return None,
         Err(error) => error.to_string(),
     };
@@ -47,7 +55,7 @@ fn entry(Begun { instance, since }: &Begun) -> Option<Entry> {
         instance: instance.name().to_owned(),
         since: humantime::format_rfc3339_seconds(*since).to_string(),
         state,
-        dashboard: dashboard(instance),
+        dashboard: dashboard_url(instance),
     })
 }
 
@@ -55,8 +63,8 @@ fn print(out: &mut impl Write, instances: &[Entry]) -> io::Result<()> {
     if instances.is_empty() {
         return writeln!(out, "No instance is running.");
     }
-    let width = |title: &str, of: fn(&Entry) -> &str| {
-        instances.iter().map(|entry| of(entry).chars().count()).chain([title.len()]).max().unwrap_or_default()
+    let width = |title: &str, text: fn(&Entry) -> &str| {
+        instances.iter().map(|entry| text(entry).chars().count()).chain([title.len()]).max().unwrap_or_default()
     };
     let names = width("NAME", |entry| &entry.instance);
     let dashboards = width("DASHBOARD", |entry| entry.dashboard.as_deref().unwrap_or("–"));
@@ -65,5 +73,5 @@ fn print(out: &mut impl Write, instances: &[Entry]) -> io::Result<()> {
         let dashboard = dashboard.as_deref().unwrap_or("–");
         writeln!(out, "{instance:<names$}  {since:<20}  {dashboard:<dashboards$}  {state}")?;
     }
-    writeln!(out, "`fringeflow status NAME` shows one of them in full.")
+    writeln!(out, "`fringeflow status NAME` shows the details of one of them.")
 }

@@ -1,4 +1,4 @@
-//! One module a subcommand: its arguments and what it does with the library.
+//! The subcommands. Each has a module with its arguments and its calls of the library.
 
 mod cameras;
 mod check;
@@ -29,14 +29,14 @@ use crate::globals::Globals;
 pub(crate) enum Command {
     /// List the V4L2 cameras with their formats, sizes, rates and controls.
     ///
-    /// Each camera comes with the line that names it in a configuration.
+    /// For each camera, the list has the line that selects it in a configuration.
     Cameras(cameras::Args),
     /// Send a command to a running instance: start, stop, record, mark or quit.
     Control(control::Args),
     /// Check a recording: every record, checksum, count and window.
     ///
-    /// Exit code 1: the recording is damaged. Exit code 3: the recording is whole, but images or messages were lost when it was
-    /// made.
+    /// Exit code 1: the recording is damaged. Exit code 3: the recording is intact, but images or messages were lost
+    /// when it was made.
     Check(check::Args),
     /// Scan live with a virtual scanner. No camera and no configuration are needed.
     ///
@@ -50,36 +50,36 @@ pub(crate) enum Command {
     Evaluate(evaluate::Args),
     /// Export the clouds of a recording as PLY, PCD or NPZ, or its images as a dataset folder.
     Export(export::Args),
-    /// Fuse the clouds of a recorded scan with a moving scanner into one model, and track its poses.
+    /// Fuse the clouds of a recorded scan with a moving scanner into one model, and track the poses of the scanner.
     ///
     /// Exit code 3: some clouds were lost. The model holds the others.
     Fuse(fuse::Args),
-    /// Turn a dataset folder into a recording, as if a scanner had taken its images at a steady rate.
+    /// Convert a dataset folder to a recording, as if a scanner had taken its images at a constant rate.
     Import(import::Args),
     /// Show the contents of a recording.
     Info(info::Args),
-    /// Show the latencies of a recorded run: every stage, the way from exposure to cloud, the slowest windows.
+    /// Show the latencies of a recorded run: every stage, the segments from exposure to cloud, the slowest windows.
     Latency(latency::Args),
     /// Reconstruct a point cloud from the images of a dataset folder or a recording.
     Reconstruct(reconstruct::Args),
-    /// Recover a cut, damaged or unfinished recording: write all that can be read to a new one.
+    /// Recover a truncated, damaged or unfinished recording: write everything readable to a new one.
     Recover(recover::Args),
-    /// Replay a recording on the channels, or make its clouds again and compare them byte by byte.
+    /// Replay a recording on the channels, or recompute its clouds and compare them byte by byte.
     Replay(replay::Args),
-    /// Report on a rig before it is built: ambiguity of the fringes, depth precision, what changes would do.
+    /// Report on a rig before it is built: ambiguity of the fringes, depth precision, effect of changes.
     ///
-    /// The report needs the calibration alone, and no image. It tells n, sd and efc, and which wrong fringe orders survive where.
+    /// The report needs only the calibration, no images. It shows n, sd and efc, and which wrong fringe orders survive.
     /// With --images it measures how far the calibration has drifted. Example:
     ///
     ///   fringeflow rig calibration.yml --volume=-50,-40,280,50,40,325 --period 16 --steps 4
     Rig(rig::Args),
     /// Run an instance live: cameras, projector, phase, correspondence, cloud and recorder.
     ///
-    /// Each service is a process of its own.
+    /// Each service runs in its own process.
     Run(run::Args),
     /// Run one service of an instance, as `run` does.
     Service(service::Args),
-    /// Show which instances run, or what one of them does: rates, latencies, drops.
+    /// List the running instances, or show one of them: rates, latencies, drops.
     Status(status::Args),
     /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
     Simulate(simulate::Args),

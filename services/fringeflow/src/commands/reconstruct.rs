@@ -1,4 +1,4 @@
-//! `fringeflow reconstruct`: from the images of a dataset folder or a recording to a point cloud.
+//! `fringeflow reconstruct`: reconstructs a point cloud from the images of a dataset folder or a recording.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use fringeflow_base::atomic_file::check_writable;
 
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::method::{Made, Method};
+use crate::method::{Method, MethodOutput};
 use crate::output_folder;
 use crate::pictures;
 use crate::proposed::ProposedArgs;
@@ -27,7 +27,7 @@ pub(crate) struct Args {
     /// Method that finds the correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Unit of the cloud, and of the calibration if the dataset states none.
+    /// Unit of the cloud, and of the calibration if the dataset does not state one.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
     /// Folder for pictures: phase, modulation, depth, decisions, δ, and false points if the truth is known.
@@ -58,18 +58,18 @@ impl Args {
             output_folder::prepare(folder)?;
         }
         let input = Input::open(&self.input, self.units)?;
-        let made = self.method.run(&input, &self.proposed)?;
+        let output = self.method.run(&input, &self.proposed)?;
         let unit = self.units.unwrap_or(Unit::Millimetre);
-        made.cloud.write(&self.output, &CloudExport { unit, dataset: &input.setup().name })?;
+        output.cloud.write(&self.output, &CloudExport { unit, dataset: &input.setup().name })?;
         if let Some(folder) = &self.preview {
-            pictures::write(folder, &input, &made)?;
+            pictures::write(folder, &input, &output)?;
         }
-        self.print(&input, &made)
+        self.print(&input, &output)
     }
 
-    fn print(&self, input: &Input, made: &Made) -> Result<(), Failure> {
-        let statistics = made.proposed.as_ref().map(Statistics::of);
-        let points = made.cloud.points.len();
+    fn print(&self, input: &Input, output: &MethodOutput) -> Result<(), Failure> {
+        let statistics = output.proposed.as_ref().map(Statistics::new);
+        let points = output.cloud.points.len();
         let mut out = std::io::stdout().lock();
         if self.json {
             let report = Report {

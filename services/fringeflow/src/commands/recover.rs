@@ -1,4 +1,4 @@
-//! `fringeflow recover`: a whole recording of what can be read of another one.
+//! `fringeflow recover`: writes everything readable of a recording to a new one.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::json;
 /// Arguments of `fringeflow recover`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Cut, damaged or unfinished recording. It is not changed.
+    /// Truncated, damaged or unfinished recording. It is not changed.
     input: PathBuf,
     /// Recording to write.
     #[arg(short, long, value_name = "REC")]
@@ -34,7 +34,7 @@ impl Args {
         }
         let missing = recovered.missing.join(", ");
         Err(Failure::Losses(format!(
-            "{}: the recording has no {missing}, so no cloud can be made of it",
+            "{}: the recording has no {missing}, so no cloud can be computed from it",
             self.output.display()
         )))
     }
@@ -52,7 +52,7 @@ impl Args {
             writeln!(out, "left out: {count} messages of the unknown topic {topic}")?;
         }
         if recovered.left_out > 0 {
-            writeln!(out, "left out: {} messages without their other half", recovered.left_out)?;
+            writeln!(out, "left out: {} messages that are invalid or incomplete", recovered.left_out)?;
         }
         Ok(())
     }

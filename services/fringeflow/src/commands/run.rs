@@ -1,4 +1,4 @@
-//! `fringeflow run`: a whole instance, live.
+//! `fringeflow run`: runs an instance live.
 
 use std::path::PathBuf;
 
@@ -23,24 +23,24 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
     #[command(flatten)]
-    scan: Scan,
-    /// Only check whether everything is as the configuration says: cameras, calibration, memory, folders.
+    scan: ScanArgs,
+    /// Only check whether everything matches the configuration: cameras, calibration, memory, folders.
     ///
     /// The check sets the cameras as configured and releases them. Exit code 2: something is wrong.
     #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
     check: bool,
 }
 
-/// How long a scan lasts and what is kept of it.
+/// Duration and outputs of a scan.
 #[derive(clap::Args)]
-pub(super) struct Scan {
+pub(super) struct ScanArgs {
     /// Stop after S seconds of scanning. By default the scan lasts until Ctrl-C.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
     /// Record to this file from the start. The file must not exist.
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
-    /// File for the report on the run. By default it goes to the folder of the recordings, named by the time.
+    /// File for the report on the run. The default is a name with the time, in the folder of the recordings.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Write no report on the run.
@@ -68,8 +68,8 @@ impl Args {
     }
 }
 
-impl Scan {
-    /// Runs the instance that the arguments describe, from beginning to end.
+impl ScanArgs {
+    /// Runs an instance from start to end, and prints its summary.
     pub(super) fn run(&self, arguments: &ServiceArgs, globals: &Globals) -> Result<(), Failure> {
         [&self.report, &self.trace].into_iter().flatten().try_for_each(|path| check_writable(path))?;
         let configuration = arguments.configuration()?;
@@ -81,8 +81,8 @@ impl Scan {
         let outcome = run(&plan, None)?;
         let page = RunPage { plan: &plan, outcome: &outcome };
         let report = if self.no_report { None } else { page.write(self.report.as_deref()) };
-        run_summary::print(&Summary::of(&outcome, report.as_deref()), self.json)?;
-        run_summary::judge(&outcome)
+        run_summary::print(&Summary::from_run(&outcome, report.as_deref()), self.json)?;
+        run_summary::check(&outcome)
     }
 
     fn duration_ns(&self) -> Result<Option<u64>, Failure> {
@@ -95,7 +95,7 @@ impl Scan {
     }
 }
 
-/// What an instance is to be run with, without end.
+/// Plans an instance that runs without a time limit.
 pub(super) fn plan(
     arguments: &ServiceArgs,
     globals: &Globals,
@@ -105,15 +105,15 @@ pub(super) fn plan(
     let configuration = arguments.configuration()?;
     arguments.check_processors(&configuration)?;
     let setup = arguments.setup(&configuration)?;
-    // Computed here once, so that its file is there, and its faults are told, before anything starts.
+    // Computed once before anything starts, so that its file exists and errors are reported at once.
     drop(arguments.segment_table(&configuration, &setup)?);
     Ok(Plan {
         configuration,
         setup,
         services,
         program: std::env::current_exe()?,
-        before: globals.to_command_line(),
-        arguments: arguments.to_command_line(),
+        global_arguments: globals.to_command_line(),
+        service_arguments: arguments.to_command_line(),
         duration_ns: None,
         recording,
         trace: None,

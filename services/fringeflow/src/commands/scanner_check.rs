@@ -1,4 +1,4 @@
-//! `fringeflow run --check`: all that a run needs, looked at without starting anything.
+//! `fringeflow run --check`: checks everything that a run needs, without starting it.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -17,74 +17,77 @@ use crate::json;
 /// Bytes of a mebibyte.
 const MIB: u64 = 1 << 20;
 
-/// Something that a run needs.
+/// Result of the check of one thing that a run needs.
 #[derive(serde::Serialize)]
-struct Point {
+struct CheckResult {
     what: &'static str,
     ready: bool,
-    /// What was found, or what is wrong.
+    /// The state that was found, or the error.
     found: String,
 }
 
 #[derive(serde::Serialize)]
 struct Report {
     ready: bool,
-    points: Vec<Point>,
+    points: Vec<CheckResult>,
 }
 
-impl Point {
-    fn of<E: std::fmt::Display>(what: &'static str, found: Result<String, E>) -> Self {
+impl CheckResult {
+    fn new<E: std::fmt::Display>(what: &'static str, found: Result<String, E>) -> Self {
         let ready = found.is_ok();
         Self { what, ready, found: found.unwrap_or_else(|error| error.to_string()) }
     }
 }
 
-/// Checks every point and prints it.
+/// Checks everything that a run needs, and prints the results.
 ///
 /// # Errors
-/// Something is not as a run needs it.
+/// A check failed.
 pub(super) fn check(arguments: &ServiceArgs, json: bool) -> Result<(), Failure> {
-    let points = points(arguments);
-    let wrong = points.iter().filter(|point| !point.ready).count();
-    let report = Report { ready: wrong == 0, points };
+    let points = check_all(arguments);
+    let failed = points.iter().filter(|point| !point.ready).count();
+    let report = Report { ready: failed == 0, points };
     if json {
         json::print(&report)?;
     } else {
         let mut out = std::io::stdout().lock();
-        for Point { what, ready, found } in &report.points {
-            writeln!(out, "{} {what}: {found}", if *ready { "ok   " } else { "WRONG" })?;
+        for CheckResult { what, ready, found } in &report.points {
+            writeln!(out, "{} {what}: {found}", if *ready { "ok    " } else { "FAILED" })?;
         }
     }
-    match wrong {
+    match failed {
         0 => Ok(()),
-        wrong => Err(Failure::Usage(format!("{wrong} of {} points are wrong, see above", report.points.len()))),
+        failed => Err(Failure::Usage(format!("{failed} of {} checks failed, see above", report.points.len()))),
     }
 }
 
-fn points(arguments: &ServiceArgs) -> Vec<Point> {
+fn check_all(arguments: &ServiceArgs) -> Vec<CheckResult> {
     let file = arguments.config.display();
     let configuration = match arguments.configuration() {
         Ok(configuration) => configuration,
-        Err(error) => return vec![Point::of("configuration", Err(error))],
+        Err(error) => return vec![CheckResult::new("configuration", Err(error))],
     };
-    let mut points = vec![Point::of::<Failure>("configuration", Ok(file.to_string()))];
+    let mut points = vec![CheckResult::new::<Failure>("configuration", Ok(file.to_string()))];
     if !configuration.processors.is_empty() {
         let processors = arguments.check_processors(&configuration);
-        points.push(Point::of("processors", processors.map(|()| "this machine has all configured CPUs".to_owned())));
+        points.push(CheckResult::new(
+            "processors",
+            processors.map(|()| "this machine has all configured CPUs".to_owned()),
+        ));
     }
     let setup = arguments.setup(&configuration);
-    points.push(Point::of("calibration and volume", setup.as_ref().map(rig_text)));
+    points.push(CheckResult::new("calibration and volume", setup.as_ref().map(rig_text)));
     if let Ok(setup) = &setup {
         let table = arguments.segment_table(&configuration, setup);
-        points.push(Point::of("segment table", table.map(|_| "can be used".to_owned())));
+        points.push(CheckResult::new("segment table", table.map(|_| "can be used".to_owned())));
     }
-    points.extend(cameras(&configuration, setup.as_ref().ok()));
+    points.extend(camera_results(&configuration, setup.as_ref().ok()));
     if let Ok(setup) = &setup {
-        points.push(Point::of("shared memory", shared_memory(&configuration, setup)));
+        points.push(CheckResult::new("shared memory", shared_memory(&configuration, setup)));
     }
-    points.push(Point::of("runtime folder", runtime_folder(&configuration)));
-    points.push(Point::of("recorder", recorder(&configuration.recorder)));
-    points.push(Point::of("monitor", fringeflow_monitor::check(&configuration.monitor)));
+    points.push(CheckResult::new("runtime folder", runtime_folder(&configuration)));
+    points.push(CheckResult::new("recorder", recorder(&configuration.recorder)));
+    points.push(CheckResult::new("monitor", fringeflow_monitor::check(&configuration.monitor)));
     points
 }
 
@@ -97,14 +100,14 @@ fn rig_text(setup: &Setup) -> String {
     format!("images of {width}x{height}, {} steps{volume}", setup.steps)
 }
 
-/// Both cameras, where they are V4L2 devices.
-fn cameras(configuration: &ScannerConfiguration, setup: Option<&Setup>) -> Vec<Point> {
-    let point = |(what, found): (_, Result<ReadyCamera, CameraError>)| {
-        let told = |camera: ReadyCamera| format!("{}: {}", camera.path.display(), camera.notes.join(", "));
-        Point::of(what, found.map(told))
+/// Checks both cameras; returns nothing unless they are V4L2 devices.
+fn camera_results(configuration: &ScannerConfiguration, setup: Option<&Setup>) -> Vec<CheckResult> {
+    let result = |(what, found): (_, Result<ReadyCamera, CameraError>)| {
+        let text = |camera: ReadyCamera| format!("{}: {}", camera.path.display(), camera.notes.join(", "));
+        CheckResult::new(what, found.map(text))
     };
     let checked = checked_cameras(configuration, setup);
-    checked.into_iter().flat_map(|found| ["camera 1", "camera 2"].into_iter().zip(found)).map(point).collect()
+    checked.into_iter().flat_map(|found| ["camera 1", "camera 2"].into_iter().zip(found)).map(result).collect()
 }
 
 fn checked_cameras(
@@ -120,10 +123,11 @@ fn checked_cameras(
     Some(check_cameras(cameras, wanted.as_ref()))
 }
 
-/// Refuses to run with a camera or a monitor whose settings must change first; a camera that is absent or busy is waited for.
+/// Checks the settings of the cameras and the monitor. An absent or busy camera is not an error: its service waits for
+/// it.
 ///
 /// # Errors
-/// What a camera does not take, or why the monitor cannot listen.
+/// A camera does not accept its settings, or the monitor cannot listen.
 pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setup) -> Result<(), Failure> {
     let checked = checked_cameras(configuration, Some(setup)).into_iter().flatten();
     for (number, found) in (1..).zip(checked) {
@@ -142,27 +146,27 @@ fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<
     Ok(format!("{} MiB are needed and available", required_bytes(&sizes).div_ceil(MIB)))
 }
 
-/// Takes the place of the supervisor, and leaves it again.
+/// Checks the runtime folder: takes the lock of the instance and releases it.
 fn runtime_folder(configuration: &ScannerConfiguration) -> Result<String, Failure> {
     let instance = Instance::new(&configuration.name)?;
     drop(InstanceLock::take(&instance)?);
     Ok(format!("{} can be used, and no instance {} is running", instance.runtime_dir().display(), instance.name()))
 }
 
-/// Whether recordings can be written to their folder, or the folder can be made.
+/// Checks that the folder of the recordings can be written, or created, and that the disk has free space.
 fn recorder(recorder: &RecorderConfiguration) -> Result<String, String> {
     let folder = std::path::absolute(&recorder.folder).map_err(|e| format!("{}: {e}", recorder.folder.display()))?;
     let exists = |folder: &&Path| folder.is_dir();
-    let there = folder.ancestors().find(exists).unwrap_or(Path::new("/"));
-    let fail = |e: rustix::io::Errno| format!("{}: {e}; name another folder as recorder.folder", there.display());
-    access(there, Access::WRITE_OK | Access::EXEC_OK).map_err(fail)?;
-    let disk = statvfs(there).map_err(fail)?;
+    let existing = folder.ancestors().find(exists).unwrap_or(Path::new("/"));
+    let fail = |e: rustix::io::Errno| format!("{}: {e}; name another folder as recorder.folder", existing.display());
+    access(existing, Access::WRITE_OK | Access::EXEC_OK).map_err(fail)?;
+    let disk = statvfs(existing).map_err(fail)?;
     let free = disk.f_bavail.saturating_mul(disk.f_frsize);
     let [free_mib, kept_mib] = [free / MIB, recorder.min_free_bytes / MIB];
     if free <= recorder.min_free_bytes {
         return Err(format!(
             "{}: {free_mib} MiB are free, but recorder.min_free_mb keeps {kept_mib} MiB free; make room or lower it",
-            there.display()
+            existing.display()
         ));
     }
     Ok(format!("{}: {} MiB are free for recordings", folder.display(), free_mib.saturating_sub(kept_mib)))

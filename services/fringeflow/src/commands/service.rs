@@ -1,4 +1,4 @@
-//! `fringeflow service`: one process of an instance, as the supervisor starts it.
+//! `fringeflow service`: one service of an instance, in a process that the supervisor starts.
 
 use fringeflow_dataset::CameraId;
 use fringeflow_recorder::Outcome;
@@ -61,7 +61,7 @@ impl Service {
         }
     }
 
-    /// Runs until the service is to end. A recorder returns what it lost.
+    /// Runs the service until it has to stop. Returns a message if the recordings are incomplete.
     fn run(&self) -> Result<Option<String>, ServiceError> {
         let done = match self {
             Self::VirtualProjector(arguments) => fringeflow_virtual_rig::projector::run(arguments),
@@ -73,12 +73,12 @@ impl Service {
             Self::Cloud(arguments) => fringeflow_stages::cloud::run(arguments),
             Self::Tracking(arguments) => fringeflow_stages::tracking::run(arguments),
             Self::Monitor(arguments) => fringeflow_monitor::run(arguments),
-            Self::Recorder(arguments) => return Ok(recorded(fringeflow_recorder::run(arguments)?)),
+            Self::Recorder(arguments) => return Ok(losses(fringeflow_recorder::run(arguments)?)),
         };
         done.map(|()| None)
     }
 }
 
-fn recorded(outcome: Outcome) -> Option<String> {
+fn losses(outcome: Outcome) -> Option<String> {
     (outcome == Outcome::Incomplete).then(|| "recordings of this run are incomplete".to_owned())
 }

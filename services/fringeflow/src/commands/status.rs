@@ -1,14 +1,13 @@
-//! `fringeflow status`: which instances run, and what one of them does, seen from another terminal.
+//! `fringeflow status`: lists the running instances, or shows one of them.
 
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::time::Duration;
 
 use fringeflow_config::SERVICES;
 use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
-use fringeflow_runtime::processors::Standing;
-use fringeflow_runtime::{Preparation, accounts_folder, clock, dashboard_file};
-use fringeflow_supervisor::{Observed, headline, observe, stage_line, waiting_from_outside};
+use fringeflow_runtime::processors::ResourceGrants;
+use fringeflow_runtime::{Preparation, accounts_folder, clock};
+use fringeflow_supervisor::{Observed, headline, observe, read_startup_status, stage_line};
 use fringeflow_telemetry::{
     GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
 };
@@ -17,17 +16,15 @@ use fringeflow_transport::{Instance, request};
 use crate::failure::Failure;
 use crate::json;
 
-use super::instances;
+use super::instances::{self, RESPONSE_TIMEOUT, dashboard_url};
 
-/// How long reports are gathered: every stage gives a sign of life, and a rate can be told.
-const SPAN_NS: u64 = 2_500_000_000;
-/// How long an answer may take.
-pub(super) const ANSWER: Duration = Duration::from_secs(3);
+/// How long reports are collected, nanoseconds: long enough for every stage to report, and for a rate.
+const OBSERVATION_NS: u64 = 2_500_000_000;
 
 /// Arguments of `fringeflow status`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Name of the instance to show in full. Without it all instances that run are listed.
+    /// Name of the instance to show. Without it, all running instances are listed.
     #[arg(value_name = "NAME")]
     instance: Option<String>,
     /// Print one JSON object.
@@ -39,22 +36,22 @@ pub(crate) struct Args {
 struct Report {
     instance: String,
     scanning: bool,
-    /// What a service prepares before the scan can begin.
+    /// Preparation of a service that the scan waits for.
     preparation: Option<Preparation>,
     recording: Option<String>,
-    /// Where the dashboard is.
+    /// URL of the dashboard.
     dashboard: Option<String>,
-    /// What was lost since the start, each loss once.
+    /// Losses since the start, each counted once.
     lost: Losses,
-    /// What rate the machine holds, where windows are left out for lack of time.
+    /// Rate that the machine sustains; `null` unless windows are left out for lack of time.
     pace: Option<Pace>,
     stages: Vec<StageReport>,
-    /// CPUs, priority and memory of services, where the configuration sets them.
-    processors: BTreeMap<&'static str, Standing>,
+    /// CPUs, priority and memory of the services for which the configuration sets them.
+    processors: BTreeMap<&'static str, ResourceGrants>,
     exposure_to_cloud: Option<Latency>,
-    /// Health of the scanner as of the last window; `null` where none came while the reports were gathered.
+    /// Health of the scanner in the last window; `null` if no window came while the reports were collected.
     health: Option<Health>,
-    /// Where the scanner is, while clouds are tracked.
+    /// Pose of the scanner, if it is tracked.
     tracking: Option<TrackingFigures>,
 }
 
@@ -68,7 +65,7 @@ struct Health {
 struct Quantity {
     #[serde(flatten)]
     figures: GaugeFigures,
-    /// For how long it has been in its state; `null` while that is not known.
+    /// Time since it entered its state, seconds; `null` if unknown.
     for_s: Option<f64>,
 }
 
@@ -89,27 +86,27 @@ impl Args {
         }
     }
 
-    /// Shows one instance in full.
+    /// Shows the details of one instance.
     fn show(&self, instance: &Instance) -> Result<(), Failure> {
-        let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
-        let state = request(instance, &asked, ANSWER)?.state;
-        let observed = observe(instance, SPAN_NS)?;
+        let state_request = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
+        let state = request(instance, &state_request, RESPONSE_TIMEOUT)?.state;
+        let observed = observe(instance, OBSERVATION_NS)?;
         if self.json {
-            return json::print(&Report::of(instance, &state, observed));
+            return json::print(&Report::new(instance, &state, observed));
         }
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
-        let waiting = waiting_from_outside(instance, &state);
+        let waiting = read_startup_status(instance, &state);
         writeln!(out, "{}: {}", instance.name(), headline(&state, waiting.as_deref()))?;
-        if let Some(url) = dashboard(instance) {
+        if let Some(url) = dashboard_url(instance) {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
         if let Some(pace) = Pace::from_tally(&observed.tally) {
             writeln!(out, "{pace}")?;
         }
-        for (stage, of_stage) in observed.tally.stages() {
-            writeln!(out, "{}", stage_line(stage, of_stage, now_ns).trim_end())?;
+        for (stage, stage_tally) in observed.tally.stages() {
+            writeln!(out, "{}", stage_line(stage, stage_tally, now_ns).trim_end())?;
         }
         for (service, standing) in processors(instance) {
             writeln!(out, "{service} {standing}")?;
@@ -123,46 +120,46 @@ impl Args {
 }
 
 impl Report {
-    fn of(instance: &Instance, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Self {
+    fn new(instance: &Instance, state: &ScanState, Observed { tally, window, tracking }: Observed) -> Self {
         let now_ns = clock::now_ns();
-        let stage = |(stage, of_stage): (Stage, &StageTally)| StageReport {
-            figures: StageFigures::new(stage, &of_stage.counts, Some(of_stage)),
-            rate_hz: of_stage.rate_hz,
-            restarts: of_stage.restarts,
-            silent: of_stage.is_silent(now_ns),
+        let stage = |(stage, stage_tally): (Stage, &StageTally)| StageReport {
+            figures: StageFigures::new(stage, &stage_tally.counts, Some(stage_tally)),
+            rate_hz: stage_tally.rate_hz,
+            restarts: stage_tally.restarts,
+            silent: stage_tally.is_silent(now_ns),
         };
         Self {
             instance: instance.name().to_owned(),
             scanning: state.scanning != 0,
             preparation: Preparation::read(instance),
-            dashboard: dashboard(instance),
+            dashboard: dashboard_url(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
             pace: Pace::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(instance),
             exposure_to_cloud: tally.total().brief(),
-            health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::of(health, now_ns)),
+            health: window.as_ref().and_then(|window| window.health.as_ref()).map(|health| Health::new(health, now_ns)),
             tracking,
         }
     }
 }
 
 fn losses(tally: &Tally) -> Losses {
-    Losses::from_counts(&tally.stages().map(|(stage, of_stage)| (stage, of_stage.counts)).collect::<Vec<_>>())
+    Losses::from_counts(&tally.stages().map(|(stage, stage_tally)| (stage, stage_tally.counts)).collect::<Vec<_>>())
 }
 
 impl Health {
-    fn of(health: &HealthFigures, now_ns: u64) -> Self {
+    fn new(health: &HealthFigures, now_ns: u64) -> Self {
         let quantity = |figures: &GaugeFigures| Quantity { figures: *figures, for_s: figures.seconds_in_state(now_ns) };
         Self { state: health.state.name(), quantities: health.quantities.iter().map(quantity).collect() }
     }
 }
 
-/// A line on the whole, one on each quantity, and what to do about those that are not as they should be.
+/// Writes a line about the overall health, one about each quantity, and a remedy for each quantity beyond its limits.
 fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u64) -> std::io::Result<()> {
     let Some(health) = health else {
-        return writeln!(out, "health: unknown, because no window came in the last {:.1} s", SPAN_NS as f64 * 1e-9);
+        return writeln!(out, "health: unknown, no window in the last {:.1} s", OBSERVATION_NS as f64 * 1e-9);
     };
     writeln!(out, "health: {}", health.state.name())?;
     for gauge in &health.quantities {
@@ -174,13 +171,8 @@ fn write_health(out: &mut impl Write, health: Option<&HealthFigures>, now_ns: u6
     health.beyond_limits().iter().try_for_each(|gauge| writeln!(out, "{gauge}"))
 }
 
-/// Where the dashboard of an instance is, if it has one.
-pub(super) fn dashboard(instance: &Instance) -> Option<String> {
-    std::fs::read_to_string(dashboard_file(instance)).ok()
-}
-
-/// What the services of an instance were given of the machine, by name.
-fn processors(instance: &Instance) -> BTreeMap<&'static str, Standing> {
+/// CPUs, priority and memory of the services of an instance, by service name.
+fn processors(instance: &Instance) -> BTreeMap<&'static str, ResourceGrants> {
     let accounts = accounts_folder(instance);
-    SERVICES.into_iter().filter_map(|service| Some((service, Standing::read(&accounts, service)?))).collect()
+    SERVICES.into_iter().filter_map(|service| Some((service, ResourceGrants::read(&accounts, service)?))).collect()
 }

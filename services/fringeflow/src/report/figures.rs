@@ -1,4 +1,4 @@
-//! A run in figures: what `latency --json` prints and what the page shows.
+//! Figures of a run, as `latency --json` prints them and the page shows them.
 
 use std::path::Path;
 
@@ -10,35 +10,35 @@ use fringeflow_telemetry::{
     DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
 };
 
-/// Which run it was.
+/// General information about a run.
 #[derive(Serialize)]
-pub(crate) struct About<'a> {
-    /// Name of the instance, where it is known.
+pub(crate) struct RunInfo<'a> {
+    /// Name of the instance, if known.
     pub(crate) instance: Option<&'a str>,
-    /// Version of the fringeflow that ran.
+    /// Version of Fringeflow in the run.
     pub(crate) version: &'a str,
-    /// Machine, and the wall clock of the times.
+    /// The machine, and the wall clock for its times.
     pub(crate) origin: Origin,
     /// Width and height of the images, pixels.
     pub(crate) image_size_px: [usize; 2],
     /// Steps of the shift cycle.
     pub(crate) steps: usize,
-    /// The recording: that the figures come from, or that the run made.
+    /// The recording from which the figures come, or which the run made.
     pub(crate) recording: Option<&'a Path>,
-    /// Whether the figures come from a recording, which may hold a part of the run only.
+    /// Whether the figures come from a recording. It may hold only a part of the run.
     pub(crate) is_recorded: bool,
 }
 
-/// A run in figures.
+/// Figures of a run.
 #[derive(Serialize)]
 pub(crate) struct RunFigures<'a> {
     #[serde(flatten)]
-    pub(crate) about: About<'a>,
-    /// Whether a recording was played: then nothing is told of what came before a window was complete.
+    pub(crate) info: RunInfo<'a>,
+    /// Whether the run was a replay. Then the times before a window was complete are unknown.
     pub(crate) replayed: bool,
     /// Time of the first report on the wall clock, Unix milliseconds.
     pub(crate) started_wall_ms: f64,
-    /// From the first report to the last, seconds.
+    /// Time from the first report to the last, seconds.
     pub(crate) duration_s: f64,
     /// Windows that were followed from exposure to cloud.
     pub(crate) windows: u64,
@@ -52,43 +52,43 @@ pub(crate) struct RunFigures<'a> {
     drops: Vec<DropLine>,
     last_window: Option<&'a WindowFigures>,
     health: &'a HealthRecord,
-    /// Names of all segments, in the order of the lists of milliseconds.
+    /// Names of all segments, in the order of the lists of durations.
     segment_names: [&'static str; Segment::ALL.len()],
-    /// Length of the spans of the time line, seconds.
+    /// Interval between the points of the time line, seconds.
     span_s: f64,
     time_line: Vec<Sample>,
 }
 
-/// A part of the way from exposure to cloud.
+/// A segment of the time from exposure to cloud.
 #[derive(Serialize)]
 pub(crate) struct SegmentLine {
     pub(crate) segment: &'static str,
     pub(crate) latency: Option<Latency>,
-    /// Part of the whole way, percent of the time of all windows.
+    /// Share of the total time over all windows, percent.
     pub(crate) share: f64,
 }
 
-/// A window that took long.
+/// A slow window.
 #[derive(Serialize)]
 pub(crate) struct WindowLine {
-    /// Start of its last exposure on the wall clock, Unix milliseconds; in a replay, when it was complete.
+    /// Start of its last exposure on the wall clock, Unix milliseconds; in a replay, the time when it was complete.
     pub(crate) wall_ms: f64,
-    /// The same in seconds since the first report.
+    /// The same time in seconds since the first report.
     pub(crate) time_s: f64,
     pub(crate) total_ms: f64,
-    /// Why, in words.
+    /// Why it was slow, in words.
     pub(crate) cause: String,
-    /// The part that took longer than usual, if one did.
+    /// The segment that is the cause; `None` if every segment took at most its median.
     cause_segment: Option<&'static str>,
-    /// Its parts, in the order of all segments.
+    /// Durations of all segments, in their order.
     segments_ms: [f64; Segment::ALL.len()],
 }
 
 impl<'a> RunFigures<'a> {
-    /// The figures of a run whose stages ended with these counts.
-    pub(crate) fn of(about: About<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
+    /// Figures of a run. `counts` are the final counts of its stages.
+    pub(crate) fn new(info: RunInfo<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
         let [first_ns, last_ns] = run.history().bounds_ns().unwrap_or_default();
-        let wall_ms = |time_ns| about.origin.unix_ms(time_ns);
+        let wall_ms = |time_ns| info.origin.unix_ms(time_ns);
         let stage = |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, run.tally().stage(*stage));
         let time_line = run.samples(wall_ms);
         Self {
@@ -101,27 +101,31 @@ impl<'a> RunFigures<'a> {
             exposure_to_cloud: run.exposure_to_cloud().and_then(|latencies| latencies.brief()),
             stages: counts.iter().map(stage).collect(),
             segments: segment_lines(run),
-            worst: run.worst().iter().map(|journey| WindowLine::of(journey, run, wall_ms, first_ns)).collect(),
+            worst: run
+                .worst()
+                .iter()
+                .map(|journey| WindowLine::from_journey(journey, run, wall_ms, first_ns))
+                .collect(),
             drops: DropLine::from_counts(counts),
             last_window: run.window(),
             health: run.health(),
             segment_names: Segment::ALL.map(Segment::name),
             span_s: seconds(run.history().span_ns()),
             time_line,
-            about,
+            info,
         }
     }
 }
 
 impl WindowLine {
-    fn of(journey: &Journey, run: &RunReport, wall_ms: impl Fn(u64) -> f64, first_ns: u64) -> Self {
+    fn from_journey(journey: &Journey, run: &RunReport, wall_ms: impl Fn(u64) -> f64, first_ns: u64) -> Self {
         let start_ns = journey.exposure_start_ns;
         let cause = run.cause(journey);
         Self {
             wall_ms: wall_ms(start_ns),
             time_s: seconds(start_ns) - seconds(first_ns),
             total_ms: milliseconds(journey.total_ns()),
-            cause: cause.map_or_else(|| "every part took its usual time".to_owned(), |cause| cause.to_string()),
+            cause: cause.map_or_else(|| "no segment took longer than its median".to_owned(), |cause| cause.to_string()),
             cause_segment: cause.map(|cause| cause.segment.name()),
             segments_ms: Segment::ALL.map(|segment| milliseconds(journey.duration_ns(segment))),
         }

@@ -1,10 +1,10 @@
-//! The page: a template, style and script of this folder, the plots' library, and the figures.
+//! Writes the page: the template with the style, the script and the plot library, and the figures.
 
 use std::io::{self, Write};
 
 use super::RunFigures;
 
-/// Its places to fill in are names between double `@`.
+/// A placeholder is a name between two `@@`.
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"),
@@ -12,8 +12,8 @@ const STYLE: &[&str] = &[
     include_str!("page/page.css"),
 ];
 const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");
-/// One module, whose parts stand in this order: each names only what stands before it. Some are those of the dashboard; what
-/// these import stands before them, so that their imports are left out.
+/// The parts of the module script. A part may use only names of the parts before it. Some parts are shared with the
+/// dashboard. Their imports are left out, since the parts that they import come before them.
 const SCRIPT: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.js"),
     include_str!("../../../monitor/page/app/format.js"),
@@ -29,17 +29,17 @@ const SCRIPT: &[&str] = &[
     include_str!("page/main.js"),
 ];
 
-/// Writes the page on a run.
+/// Writes the page of a run.
 pub(crate) fn write_html(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     let data = serde_json::to_string(figures)?;
-    // What is filled in is not looked at again, so nothing in it can stand for something else.
+    // Only the template is split, so a `@@` in the inserted texts is no placeholder.
     for (number, part) in TEMPLATE.split("@@").enumerate() {
         let is_name = number % 2 == 1;
         match part {
             "licence" if is_name => out.write_all(LICENCE.as_bytes())?,
             "style" if is_name => write_parts(out, STYLE)?,
             "script" if is_name => write_module(out)?,
-            // The escape means the same to JSON, and no tag begins with it.
+            // In JSON the escape means `<`, but it cannot begin an HTML tag.
             "data" if is_name => out.write_all(data.replace('<', "\\u003c").as_bytes())?,
             text => out.write_all(text.as_bytes())?,
         }
@@ -66,7 +66,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::report::About;
+    use crate::report::RunInfo;
 
     const HOSTILE: &str = "</script><script>alert(1)</script><!-- @@data@@ \u{2028} \"'&";
 
@@ -75,7 +75,7 @@ mod tests {
         counts.drop_one(DropReason::Overrun);
         let mut run = RunReport::new(Exposures::Live, 3);
         run.add(&StageReport { stage: Stage::Cloud as u32, of_item: 1, counts, ..StageReport::default() });
-        let about = About {
+        let info = RunInfo {
             instance: Some(HOSTILE),
             version: "0",
             origin: Origin { host: HOSTILE.to_owned(), ..Origin::default() },
@@ -85,12 +85,12 @@ mod tests {
             is_recorded: true,
         };
         let mut page = Vec::new();
-        write_html(&mut page, &RunFigures::of(about, &[(Stage::Cloud, counts)], &run)).unwrap();
+        write_html(&mut page, &RunFigures::new(info, &[(Stage::Cloud, counts)], &run)).unwrap();
         String::from_utf8(page).unwrap()
     }
 
     #[test]
-    fn names_stay_data() {
+    fn names_cannot_become_markup() {
         let page = page();
         assert_eq!((page.matches("<script").count(), page.matches("</script>").count()), (2, 2));
         let data = page.split_once("type=\"application/json\">").unwrap().1.split_once("</script>").unwrap().0;
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_left_to_fill_in_and_nothing_is_loaded() {
+    fn every_placeholder_is_filled_and_nothing_is_loaded() {
         let page = page();
         let without_data = page.split_once("type=\"application/json\">").unwrap().0;
         assert!(!without_data.contains("@@"));

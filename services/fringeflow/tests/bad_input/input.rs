@@ -1,4 +1,4 @@
-//! A dataset folder to damage, and the ways of damaging it.
+//! An intact dataset folder, and functions that damage it.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -7,10 +7,10 @@ use fringeflow::geometry::Rig;
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
-/// Width and height of the images, pixels; as small as the virtual scanner takes them.
+/// Width and height of the images, pixels: the smallest that the virtual scanner accepts.
 pub(crate) const SIZE_PX: [usize; 2] = [64, 64];
 
-/// Takes a plane with fringes wide enough for so few pixels.
+/// The object is a plane. The fringes are wide enough for so few pixels.
 fn simulation() -> &'static Simulation {
     static SIMULATION: OnceLock<Simulation> = OnceLock::new();
     SIMULATION.get_or_init(|| {
@@ -27,17 +27,17 @@ fn simulation() -> &'static Simulation {
 }
 
 /// Writes an intact dataset folder.
-pub(crate) fn intact(folder: &Path) {
+pub(crate) fn write_intact(folder: &Path) {
     simulation().write(folder, || ()).unwrap();
 }
 
-/// The rig of the dataset.
+/// Returns the rig of the dataset.
 pub(crate) fn rig() -> Rig {
     simulation().rig().exact.clone()
 }
 
-/// Writes other values into a field of the calibration file.
-pub(crate) fn calibration_field(folder: &Path, field: &str, values: &str) {
+/// Replaces the values of a field of the calibration file.
+pub(crate) fn edit_calibration(folder: &Path, field: &str, values: &str) {
     let path = folder.join(CALIBRATION_FILE);
     let text = std::fs::read_to_string(&path).unwrap();
     let start = text.find(&format!("{field}: !!opencv-matrix")).unwrap();
@@ -46,16 +46,22 @@ pub(crate) fn calibration_field(folder: &Path, field: &str, values: &str) {
     std::fs::write(&path, format!("{}data: [ {values} {}", &text[..data], &text[end..])).unwrap();
 }
 
-/// Writes another value into a field of `meta.json`, given by its path from the top (`/volume/T_v`).
-pub(crate) fn meta_field(folder: &Path, pointer: &str, value: serde_json::Value) {
+/// Replaces the value of a field of `meta.json`. `pointer` is its path from the top: `/volume/T_v`.
+pub(crate) fn edit_meta(folder: &Path, pointer: &str, value: serde_json::Value) {
     let path = folder.join(META_FILE);
     let mut meta: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
     *meta.pointer_mut(pointer).unwrap() = value;
     std::fs::write(&path, meta.to_string()).unwrap();
 }
 
-/// Writes a PNG image of any kind, all samples 0 but the first ones.
-pub(crate) fn image(file: &Path, color: png::ColorType, depth: png::BitDepth, [width, height]: [u32; 2], first: &[u8]) {
+/// Writes a PNG image of any kind. All samples are 0, except for the first ones.
+pub(crate) fn write_image(
+    file: &Path,
+    color: png::ColorType,
+    depth: png::BitDepth,
+    [width, height]: [u32; 2],
+    first: &[u8],
+) {
     let mut encoder = png::Encoder::new(std::fs::File::create(file).unwrap(), width, height);
     encoder.set_color(color);
     encoder.set_depth(depth);
@@ -64,10 +70,10 @@ pub(crate) fn image(file: &Path, color: png::ColorType, depth: png::BitDepth, [w
     encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
 }
 
-/// All files and folders below a folder, sorted.
-pub(crate) fn listing(folder: &Path) -> Vec<PathBuf> {
+/// Lists all files and folders below a folder, sorted.
+pub(crate) fn list_files(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
-    let below = |path: PathBuf| std::iter::once(path.clone()).chain(listing(&path)).collect::<Vec<_>>();
+    let below = |path: PathBuf| std::iter::once(path.clone()).chain(list_files(&path)).collect::<Vec<_>>();
     let mut found: Vec<PathBuf> = entries.flat_map(|entry| below(entry.unwrap().path())).collect();
     found.sort();
     found

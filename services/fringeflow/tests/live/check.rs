@@ -1,9 +1,10 @@
-//! `run --check` and `cameras` where there is no camera: everything is told, nothing is started.
+//! `run --check` and `cameras` without a camera: they report every problem and start nothing.
 
 use crate::support::Bench;
 
-/// What is checked, whether it is as it should be, and what was said.
-fn points(bench: &Bench, code: i32) -> Vec<(String, bool, String)> {
+/// Runs the check, which must end with this exit code. Returns for each point its name, whether it is ready, and what
+/// was found.
+fn check(bench: &Bench, code: i32) -> Vec<(String, bool, String)> {
     let report = bench.json(&[code], &[&"run", &"--config", &bench.configuration(), &"--check", &"--json"]);
     assert_eq!(report["ready"], code == 0);
     let text = |value: &serde_json::Value| value.as_str().unwrap().to_owned();
@@ -12,9 +13,9 @@ fn points(bench: &Bench, code: i32) -> Vec<(String, bool, String)> {
 }
 
 #[test]
-fn a_virtual_scanner_is_ready_and_leaves_nothing() {
+fn the_check_finds_a_virtual_scanner_ready_and_leaves_nothing_behind() {
     let bench = Bench::new();
-    let found = points(&bench, 0);
+    let found = check(&bench, 0);
     let names: Vec<&str> = found.iter().map(|(what, _, _)| what.as_str()).collect();
     let expected = [
         "configuration",
@@ -32,37 +33,37 @@ fn a_virtual_scanner_is_ready_and_leaves_nothing() {
 }
 
 #[test]
-fn everything_that_is_wrong_is_told_at_once() {
+fn the_check_reports_all_problems_at_once() {
     let devices =
         "rate_hz = 25.0\n[cameras.cam1]\ndevice = \"/dev/no-camera\"\n[cameras.cam2]\ndevice = \"serial:none\"";
-    let bench = Bench::with(&[
+    let bench = Bench::with_changes(&[
         ("source = \"virtual\"", "source = \"v4l2\""),
         ("rate_hz = 25.0", devices),
         ("min_free_mb = 0", "min_free_mb = 16000000"),
     ]);
-    let found = points(&bench, 2);
-    let said = |what: &str| {
+    let found = check(&bench, 2);
+    let problem = |what: &str| {
         let (_, ready, found) = found.iter().find(|point| point.0 == what).unwrap();
         assert!(!ready, "{what}: {found}");
         found.as_str()
     };
-    assert!(said("calibration and volume").contains("names no rig"));
-    assert!(said("camera 1").starts_with("/dev/no-camera was not found; "));
-    assert!(said("camera 2").starts_with("serial:none was not found; "));
-    assert!(said("recorder").contains("recorder.min_free_mb keeps 16000000 MiB free"));
+    assert!(problem("calibration and volume").contains("has no rig"));
+    assert!(problem("camera 1").starts_with("/dev/no-camera was not found; "));
+    assert!(problem("camera 2").starts_with("serial:none was not found; "));
+    assert!(problem("recorder").contains("recorder.min_free_mb keeps 16000000 MiB free"));
     assert!(found.iter().any(|(what, ready, _)| what == "runtime folder" && *ready));
-    bench.refused(&[&"cameras", &"/dev/no-camera"], &["/dev/no-camera was not found"]);
-    bench.refused(&[&"cameras", &"/dev/null"], &["/dev/null does not answer as a V4L2 device"]);
+    bench.assert_refused(&[&"cameras", &"/dev/no-camera"], &["/dev/no-camera was not found"]);
+    bench.assert_refused(&[&"cameras", &"/dev/null"], &["/dev/null does not answer as a V4L2 device"]);
     bench.assert_nothing_left();
 }
 
 #[test]
-fn a_running_instance_is_told() {
+fn the_check_reports_that_the_instance_is_already_running() {
     let bench = Bench::new();
     let live = bench.start(&[]);
-    let found = points(&bench, 2);
+    let found = check(&bench, 2);
     let wrong: Vec<_> = found.iter().filter(|(_, ready, _)| !ready).collect();
-    assert!(wrong.len() == 1 && wrong[0].2.contains("an instance t is already running"), "{wrong:?}");
+    assert!(wrong.len() == 1 && wrong[0].2.contains("instance t is already running"), "{wrong:?}");
     live.wait_for_clouds(5);
     live.quit().assert_undisturbed();
     bench.assert_nothing_left();

@@ -1,4 +1,4 @@
-//! Status and commands from a second terminal.
+//! `fringeflow status` and `control`, from a second terminal.
 
 use std::ffi::OsStr;
 use std::time::Duration;
@@ -9,38 +9,38 @@ use fringeflow_transport::request;
 
 use crate::support::{Arguments, Bench, NAME};
 
-const ANSWER: Duration = Duration::from_secs(60);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(60);
 
 impl Bench {
-    /// `fringeflow control`; what it prints.
-    fn control(&self, wish: Arguments<'_>) -> String {
-        self.done(&[0], &addressed(wish))
+    /// Runs `fringeflow control`. Returns its standard output.
+    fn control(&self, command: Arguments<'_>) -> String {
+        self.execute(&[0], &control_arguments(command))
     }
 
-    /// `fringeflow control` that must be refused.
-    fn control_refused(&self, wish: Arguments<'_>, says: &[&str]) {
-        self.refused(&addressed(wish), says);
+    /// Asserts that `fringeflow control` is refused.
+    fn assert_control_refused(&self, command: Arguments<'_>, says: &[&str]) {
+        self.assert_refused(&control_arguments(command), says);
     }
 }
 
-fn addressed<'a>(wish: Arguments<'a>) -> Vec<&'a dyn AsRef<OsStr>> {
-    let to: [&dyn AsRef<OsStr>; 2] = [&"control", &NAME];
-    [&to, wish].concat()
+fn control_arguments<'a>(command: Arguments<'a>) -> Vec<&'a dyn AsRef<OsStr>> {
+    let subcommand: [&dyn AsRef<OsStr>; 2] = [&"control", &NAME];
+    [&subcommand, command].concat()
 }
 
 #[test]
-fn nobody_answers_for_an_instance_that_does_not_run() {
+fn status_and_control_refuse_an_instance_that_does_not_run() {
     let bench = Bench::new();
-    bench.refused(&[&"status", &"nobody"], &["no instance nobody is running here"]);
-    assert_eq!(bench.done(&[0], &[&"status"]), "No instance is running.\n");
+    bench.assert_refused(&[&"status", &"nobody"], &["no instance nobody is running here"]);
+    assert_eq!(bench.execute(&[0], &[&"status"]), "No instance is running.\n");
     assert_eq!(bench.json(&[0], &[&"status", &"--json"])["instances"], serde_json::json!([]));
-    bench.control_refused(&[&"stop"], &["no instance t is running here"]);
-    bench.refused(&[&"control", &"a/b", &"stop"], &["a/b", "letters"]);
+    bench.assert_control_refused(&[&"stop"], &["no instance t is running here"]);
+    bench.assert_refused(&[&"control", &"a/b", &"stop"], &["a/b", "letters"]);
     bench.assert_nothing_left();
 }
 
 #[test]
-fn an_instance_does_what_another_terminal_asks() {
+fn control_starts_and_stops_scan_and_recording_sets_marks_and_quits() {
     let bench = Bench::new();
     let live = bench.start(&[]);
     live.wait_for_clouds(5);
@@ -57,51 +57,52 @@ fn an_instance_does_what_another_terminal_asks() {
         (&NAME.into(), &"scanning".into())
     );
     assert!(listed["instances"][0]["since"].as_str().unwrap().ends_with('Z'), "{listed}");
-    let text = bench.done(&[0], &[&"status"]);
+    let text = bench.execute(&[0], &[&"status"]);
     assert!(text.starts_with("NAME ") && text.lines().nth(1).unwrap().ends_with("scanning"), "{text}");
 
     assert_eq!(bench.control(&[&"stop"]), "t: scan stopped\n");
-    assert_eq!(bench.control(&[&"stop"]), "t: the scan was stopped already\n");
-    // What had been exposed comes to its end.
+    assert_eq!(bench.control(&[&"stop"]), "t: the scan is already stopped\n");
+    // Images that are already exposed are still processed.
     let mut before = 0;
-    live.wait_until("it stands still", || {
+    live.wait_until("the cameras have stopped", || {
         std::thread::sleep(Duration::from_millis(300));
         std::mem::replace(&mut before, bench.counts(Stage::Camera1).passed) == bench.counts(Stage::Camera1).passed
     });
-    assert!(bench.done(&[0], &[&"status", &NAME]).starts_with("t: stopped\n"));
+    assert!(bench.execute(&[0], &[&"status", &NAME]).starts_with("t: stopped\n"));
     assert_eq!(bench.control(&[&"start"]), "t: scan started\n");
     live.wait_for_clouds(5);
 
     let (first, second) = (bench.path("first.mcap"), bench.path("second.mcap"));
-    bench.control_refused(&[&"mark", &"chin"], &["no recording is running"]);
-    bench.control_refused(&[&"end-recording"], &["no recording is running"]);
+    bench.assert_control_refused(&[&"mark", &"chin"], &["no recording is running"]);
+    bench.assert_control_refused(&[&"end-recording"], &["no recording is running"]);
     let answer = bench.control(&[&"record", &first]);
     assert_eq!(answer, format!("t: recording started ({})\n", first.display()));
-    bench.control_refused(&[&"record", &second], &["running already", "first.mcap"]);
+    bench.assert_control_refused(&[&"record", &second], &["already running", "first.mcap"]);
     live.wait_for_clouds(10);
     assert_eq!(bench.control(&[&"mark", &"chin"]), format!("t: mark 1 set ({})\n", first.display()));
     assert_eq!(bench.control(&[&"end-recording"]), format!("t: recording ended ({})\n", first.display()));
-    live.wait_until("the recording is whole", || first.exists());
-    bench.control_refused(&[&"record", &first], &["first.mcap", "exists already"]);
-    bench.control_refused(&[&"record", &bench.path("nowhere/a.mcap")], &["nowhere", "does not exist"]);
-    bench.control_refused(&[&"mark", &"x".repeat(257)], &["too long"]);
-    // Its folder is made.
+    live.wait_until("the recording is complete", || first.exists());
+    bench.assert_control_refused(&[&"record", &first], &["first.mcap", "already exists"]);
+    bench.assert_control_refused(&[&"record", &bench.path("nowhere/a.mcap")], &["nowhere", "does not exist"]);
+    bench.assert_control_refused(&[&"mark", &"x".repeat(257)], &["too long"]);
+    // Without a file, the recording goes to the configured folder, which is created.
     bench.control(&[&"record"]);
     live.wait_for_clouds(5);
-    assert_eq!(bench.control(&[&"quit"]), "t: quits: recording and services end in the order of the pipeline\n");
-    let ended = live.ended();
-    ended.assert_undisturbed();
+    assert_eq!(bench.control(&[&"quit"]), "t: quitting: the recording and the services end in pipeline order\n");
+    let run = live.wait_for_end();
+    run.assert_undisturbed();
     bench.assert_nothing_left();
     let files = std::fs::read_dir(bench.path("recordings")).unwrap().flatten().map(|entry| entry.path());
-    // The report on the run lies beside it.
-    let named: Vec<_> = files.filter(|file| file.extension().is_some_and(|extension| extension == "mcap")).collect();
-    assert_eq!(named.len(), 1, "{named:?}");
-    bench.done(&[0, 3], &[&"check", &named[0]]);
+    // The folder also has the report on the run.
+    let recordings: Vec<_> =
+        files.filter(|file| file.extension().is_some_and(|extension| extension == "mcap")).collect();
+    assert_eq!(recordings.len(), 1, "{recordings:?}");
+    bench.execute(&[0, 3], &[&"check", &recordings[0]]);
 
     let info = bench.json(&[0], &[&"info", &first, &"--json"]);
     let marks: Vec<_> = info["marks"].as_array().unwrap().iter().map(|mark| &mark["text"]).collect();
     assert_eq!(marks, ["chin"]);
-    // It began during the scan: every cloud whose images are all in it comes again.
+    // The recording began during the scan. The replay reproduces every cloud whose images are all in it.
     let replayed = bench.replay(&[&"replay", &first, &"--rate", &"max", &"--verify"]);
     replayed.assert_balanced();
     let compared = &replayed.summary["compared"];
@@ -118,7 +119,7 @@ fn marks_in_quick_succession_are_all_recorded() {
     let instance = bench.instance();
     for text in &texts {
         let mark = ControlRequest { command: Command::Mark as u32, reserved: 0, text: Text::new(text) };
-        assert_eq!(request(&instance, &mark, ANSWER).unwrap().refused, 0);
+        assert_eq!(request(&instance, &mark, ANSWER_TIMEOUT).unwrap().refused, 0);
     }
     live.quit().assert_undisturbed();
     let recording = Recording::open(&recording).unwrap();

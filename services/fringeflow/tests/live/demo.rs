@@ -1,14 +1,14 @@
-//! `fringeflow demo`: it needs nothing, and follows the configuration that it leaves.
+//! `fringeflow demo`: it needs no input, and uses the configuration that an earlier demo wrote to its folder.
 
-use crate::support::{Bench, Ended};
+use crate::support::{Bench, FinishedRun};
 
 #[test]
-fn the_demo_follows_the_configuration_in_its_folder() {
+fn the_demo_uses_the_configuration_in_its_folder() {
     let bench = Bench::new();
     let folder = bench.path("demo");
     let nowhere = bench.path("nowhere/report.html");
-    bench.refused_with(1, &[&"demo", &"--output", &folder, &"--report", &nowhere], &["report.html"]);
-    // As it is, the demo renders for long.
+    bench.assert_refused_with(1, &[&"demo", &"--output", &folder, &"--report", &nowhere], &["report.html"]);
+    // With its own configuration the demo would render for a long time.
     let file = folder.join("demo.toml");
     let changes = [
         ("size_px = [640, 512]", "size_px = [96, 80]"),
@@ -25,11 +25,11 @@ fn the_demo_follows_the_configuration_in_its_folder() {
     std::fs::write(&file, &text).unwrap();
     let demo = bench.command(&[&"demo", &"--output", &folder, &"--seconds", &"2", &"--json"]).output().unwrap();
     let [summary, log] = [demo.stdout, demo.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    let ended = Ended::new(demo.status.code(), &summary, log);
-    ended.assert_balanced();
-    assert!(ended.stage("camera1").taken > 0, "{ended:?}");
+    let run = FinishedRun::new(demo.status.code(), &summary, log);
+    run.assert_balanced();
+    assert!(run.stage("camera1").taken > 0, "{run:?}");
     assert!(folder.join("demo.images").exists());
-    let report = ended.summary["report"].as_str().unwrap();
+    let report = run.summary["report"].as_str().unwrap();
     assert_eq!(std::path::Path::new(report).parent().unwrap().canonicalize().unwrap(), folder);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
     bench.assert_nothing_left();

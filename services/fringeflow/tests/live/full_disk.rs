@@ -1,4 +1,4 @@
-//! A disk that runs full while the scan goes on.
+//! The disk fills up during the scan.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -7,11 +7,11 @@ use fringeflow_message::{DropReason, Stage};
 
 use crate::support::Bench;
 
-/// A small file system; unmounted when it is dropped.
+/// A small file system; unmounted when dropped.
 struct SmallDisk(PathBuf);
 
 impl SmallDisk {
-    /// Mounts it; `None` where this user may not.
+    /// Mounts the file system. Returns `None` if this user may not mount.
     fn mount(folder: &Path) -> Option<Self> {
         std::fs::create_dir(folder).unwrap();
         let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=33m", "tmpfs"]).arg(folder).output();
@@ -21,15 +21,16 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        // Lazily: a failed test may leave a process in it for a moment.
+        // Lazily, because a failed test may leave a process that still uses it for a moment.
         let _ = Command::new("umount").arg("--lazy").arg(&self.0).output();
     }
 }
 
 #[test]
-fn a_full_disk_ends_the_recording_and_not_the_scan() {
-    // All that can be recorded, so that it does not take long.
-    let bench = Bench::with(&[("min_free_mb = 0", "min_free_mb = 0\nphase_maps = true\ncorrespondences = true")]);
+fn a_full_disk_ends_the_recording_but_not_the_scan() {
+    // Everything is recorded, so that the disk fills up soon.
+    let bench =
+        Bench::with_changes(&[("min_free_mb = 0", "min_free_mb = 0\nphase_maps = true\ncorrespondences = true")]);
     let Some(disk) = SmallDisk::mount(&bench.path("disk")) else {
         eprintln!("skipped: no file system can be mounted here; run as root to test a full disk");
         return;
@@ -38,10 +39,10 @@ fn a_full_disk_ends_the_recording_and_not_the_scan() {
     let live = bench.start(&[&"--record", &recording]);
     live.wait_until("the disk is full", || bench.counts(Stage::Recorder).dropped(DropReason::DiskFull) > 0);
     live.wait_for_clouds(20);
-    let ended = live.quit();
-    ended.assert_balanced();
-    assert_eq!((ended.code, &ended.summary["restarts"]), (Some(3), &0.into()), "{ended:?}");
-    assert!(ended.log.contains("the disk is full"), "{}", ended.log);
+    let run = live.quit();
+    run.assert_balanced();
+    assert_eq!((run.code, &run.summary["restarts"]), (Some(3), &0.into()), "{run:?}");
+    assert!(run.log.contains("the disk is full"), "{}", run.log);
     bench.assert_nothing_left();
     let check = bench.json(&[3], &[&"check", &recording, &"--json"]);
     assert_eq!(check["fault_count"], 0, "{check}");

@@ -1,9 +1,9 @@
-//! Live instances from the outside: `fringeflow run`, `status`, `control` and `replay` as a user gives them, faults and
-//! killed services, and what is left afterwards. Counts, balances and bytes are asserted, never rates or durations.
+//! Tests of live instances by the command line: `fringeflow run`, `status`, `control` and `replay`, with faults and
+//! killed services. They assert counts, balances and bytes, and that nothing is left behind; never rates or durations.
 
-// A helper that cannot prepare its test fails it.
+// A test fails if its preparation fails.
 #![allow(clippy::unwrap_used, clippy::panic)]
-// What a test says when it fails, or why it cannot run here, belongs on standard error.
+// Details of a failure, and the reason of a skipped test, go to standard error.
 #![allow(clippy::print_stderr)]
 
 mod check;

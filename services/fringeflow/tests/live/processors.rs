@@ -1,4 +1,5 @@
-//! What services are given of the machine: they have it, those that are started again too, and `status` tells it.
+//! CPUs, threads, priority and locked memory per service: services have them, also after a restart, and `status` shows
+//! them.
 
 use std::fs;
 
@@ -7,14 +8,14 @@ use rustix::thread::sched_getaffinity;
 
 use crate::support::{Bench, Live, NAME};
 
-/// What the system tells of a process in its `status`, by the name of the field.
-fn told(pid: u32, field: &str) -> String {
+/// Returns a field of `/proc/PID/status`.
+fn status_field(pid: u32, field: &str) -> String {
     let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
     status.lines().find_map(|line| line.strip_prefix(field)?.strip_prefix(':')).unwrap().trim().to_owned()
 }
 
-/// Scheduling policy of a process, 1 if it is a real-time task (proc_pid_stat(5), field 41).
-fn policy(pid: u32) -> String {
+/// Returns the scheduling policy of a process: 1 for a real-time task (proc_pid_stat(5), field 41).
+fn scheduling_policy(pid: u32) -> String {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
     stat.rsplit_once(')').unwrap().1.split_ascii_whitespace().nth(38).unwrap().to_owned()
 }
@@ -25,13 +26,13 @@ fn threads_of(pid: u32) -> Vec<String> {
 }
 
 #[test]
-fn services_have_what_they_are_given() {
+fn services_have_the_configured_cpus_threads_priority_and_memory_also_after_a_restart() {
     let usable = sched_getaffinity(None).unwrap();
     let cpu = (0..1024).rfind(|&cpu| usable.is_set(cpu)).unwrap().to_string();
-    let given = format!(
+    let settings = format!(
         "[processors.phase]\ncpus = [{cpu}]\nthreads = 3\n[processors.cloud]\nrealtime_priority = 5\nlock_memory = \"used\"\n[window]"
     );
-    let bench = Bench::with(&[("[window]", &given)]);
+    let bench = Bench::with_changes(&[("[window]", &settings)]);
     let live = bench.start(&[]);
     live.wait_for_clouds(3);
     let check = |live: &Live<'_>| {
@@ -40,30 +41,30 @@ fn services_have_what_they_are_given() {
             let status = fs::read_to_string(format!("/proc/{phase}/task/{thread}/status")).unwrap();
             assert!(status.contains(&format!("Cpus_allowed_list:\t{cpu}\n")), "{status}");
         }
-        // Those of nobody else are limited.
+        // The CPUs of other services are not limited.
         assert_eq!(
-            told(bench.pid_of("correspondence").unwrap(), "Cpus_allowed_list"),
-            told(live.pid(), "Cpus_allowed_list")
+            status_field(bench.pid_of("correspondence").unwrap(), "Cpus_allowed_list"),
+            status_field(live.pid(), "Cpus_allowed_list")
         );
         let status = bench.json(&[0], &[&"status", &NAME, &"--json"]);
-        let standing = &status["processors"];
-        assert_eq!(standing["phase"]["granted"], serde_json::json!([format!("CPUs {cpu}"), "3 threads"]));
-        assert!(standing["correspondence"].is_null(), "{standing}");
-        // The system grants the others what it likes; either they have it, or the remedy is told.
-        let of_cloud = |kind: &str| standing["cloud"][kind].to_string();
+        let processors = &status["processors"];
+        assert_eq!(processors["phase"]["granted"], serde_json::json!([format!("CPUs {cpu}"), "3 threads"]));
+        assert!(processors["correspondence"].is_null(), "{processors}");
+        // The system may refuse priority and memory. Then the status says what to change.
+        let cloud_status = |kind: &str| processors["cloud"][kind].to_string();
         let cloud = bench.pid_of("cloud").unwrap();
-        match policy(cloud).as_str() {
-            "1" => assert!(of_cloud("granted").contains("real-time priority 5"), "{standing}"),
-            _ => assert!(of_cloud("refused").contains("rtprio 5"), "{standing}"),
+        match scheduling_policy(cloud).as_str() {
+            "1" => assert!(cloud_status("granted").contains("real-time priority 5"), "{processors}"),
+            _ => assert!(cloud_status("refused").contains("rtprio 5"), "{processors}"),
         }
-        match told(cloud, "VmLck").as_str() {
-            "0 kB" => assert!(of_cloud("refused").contains("memlock unlimited"), "{standing}"),
-            _ => assert!(of_cloud("granted").contains("used memory locked"), "{standing}"),
+        match status_field(cloud, "VmLck").as_str() {
+            "0 kB" => assert!(cloud_status("refused").contains("memlock unlimited"), "{processors}"),
+            _ => assert!(cloud_status("granted").contains("used memory locked"), "{processors}"),
         }
     };
     check(&live);
     let killed = live.signal("phase", Signal::KILL);
-    live.wait_until("it is started again", || bench.pid_of("phase").is_some_and(|pid| pid != killed));
+    live.wait_until("the service is restarted", || bench.pid_of("phase").is_some_and(|pid| pid != killed));
     live.wait_for_clouds(3);
     check(&live);
     live.quit();

@@ -1,4 +1,4 @@
-//! Projector drivers that are programs of their own.
+//! External projector drivers.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -12,12 +12,12 @@ use crate::support::{Bench, NAME};
 
 const EXTERNAL: (&str, &str) = ("driver = \"virtual\"", "driver = \"external\"");
 const PERIOD_NS: u64 = 40_000_000;
-/// Time that starts no exposure that ever was.
+/// Offset of a wrong exposure time. No exposure starts that late.
 const HOUR_NS: u64 = 3_600_000_000_000;
 
 #[test]
-fn the_example_in_python_drives_a_scan() {
-    let bench = Bench::with(&[EXTERNAL]);
+fn the_python_example_driver_drives_a_scan() {
+    let bench = Bench::with_changes(&[EXTERNAL]);
     let live = bench.start(&[]);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let python = Command::new(root.join("scripts/python.sh")).output().unwrap();
@@ -29,11 +29,11 @@ fn the_example_in_python_drives_a_scan() {
     let output = driver.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(String::from_utf8_lossy(&output.stdout), "60 patterns announced\n");
-    live.wait_until("all events have come", || bench.counts(Stage::Pattern).taken == 60);
-    let ended = live.quit();
-    ended.assert_undisturbed();
-    assert_eq!(ended.stage("pattern").taken, 60);
-    assert!(ended.stage("cloud").passed > 0, "{ended:?}");
+    live.wait_until("all events have arrived", || bench.counts(Stage::Pattern).taken == 60);
+    let run = live.quit();
+    run.assert_undisturbed();
+    assert_eq!(run.stage("pattern").taken, 60);
+    assert!(run.stage("cloud").passed > 0, "{run:?}");
     bench.assert_nothing_left();
 }
 
@@ -51,7 +51,7 @@ impl Driver {
         Self { events, start_ns: now_ns(), sequence: 0 }
     }
 
-    /// Announces the next pattern when its time has come, as `change` wants it.
+    /// Waits until the next exposure starts, and announces its pattern. `change` can falsify the event.
     fn show(&mut self, change: impl FnOnce(&mut PatternEvent)) {
         let exposure_start_ns = self.start_ns + self.sequence * PERIOD_NS;
         std::thread::sleep(Duration::from_nanos(exposure_start_ns.saturating_sub(now_ns())));
@@ -73,8 +73,8 @@ impl Driver {
 }
 
 #[test]
-fn events_that_cannot_be_are_counted_and_make_no_cloud() {
-    let bench = Bench::with(&[EXTERNAL]);
+fn impossible_pattern_events_are_counted_and_make_no_cloud() {
+    let bench = Bench::with_changes(&[EXTERNAL]);
     let live = bench.start(&[]);
     let mut driver = Driver::new(&bench);
     let impossible: [fn(&mut PatternEvent); 8] = [
@@ -90,22 +90,22 @@ fn events_that_cannot_be_are_counted_and_make_no_cloud() {
     for change in impossible {
         (0..5).for_each(|_| driver.show(change));
     }
-    live.wait_until("they have come", || bench.counts(Stage::Pattern).taken == 40);
+    live.wait_until("the impossible events have arrived", || bench.counts(Stage::Pattern).taken == 40);
     assert_eq!(bench.counts(Stage::Windowing).passed, 0);
-    // The last were an hour ahead: the driver is believed again when it goes on in order.
+    // The last events were an hour ahead. The driver is trusted again once its events are in order.
     let sent = driver.sequence;
     (0..40).for_each(|_| driver.show(|_| ()));
-    live.wait_until("they have come", || bench.counts(Stage::Pattern).taken == sent + 40);
+    live.wait_until("the correct events have arrived", || bench.counts(Stage::Pattern).taken == sent + 40);
     live.wait_until("there are clouds", || bench.counts(Stage::Cloud).passed > 0);
     drop(driver);
-    let ended = live.quit();
-    ended.assert_balanced();
-    assert_eq!((ended.code, &ended.summary["restarts"]), (Some(3), &0.into()), "{ended:?}");
-    let pattern = ended.stage("pattern");
-    assert_eq!(pattern.dropped(DropReason::PatternConflict), 25, "{ended:?}");
-    assert_eq!(pattern.dropped(DropReason::NoPattern), 5, "{ended:?}");
-    assert!(pattern.dropped(DropReason::BadTime) >= 5, "{ended:?}");
-    // The cameras expose at no such time.
-    assert_eq!(ended.stage("camera1").dropped(DropReason::BadTime), 10, "{ended:?}");
+    let run = live.quit();
+    run.assert_balanced();
+    assert_eq!((run.code, &run.summary["restarts"]), (Some(3), &0.into()), "{run:?}");
+    let pattern = run.stage("pattern");
+    assert_eq!(pattern.dropped(DropReason::PatternConflict), 25, "{run:?}");
+    assert_eq!(pattern.dropped(DropReason::NoPattern), 5, "{run:?}");
+    assert!(pattern.dropped(DropReason::BadTime) >= 5, "{run:?}");
+    // The cameras cannot expose at the wrong times.
+    assert_eq!(run.stage("camera1").dropped(DropReason::BadTime), 10, "{run:?}");
     bench.assert_nothing_left();
 }

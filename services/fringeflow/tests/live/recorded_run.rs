@@ -1,24 +1,24 @@
-//! A run that is recorded, and its replays.
+//! A recorded run and its replays.
 
 use std::path::Path;
 
 use fringeflow_message::DropReason;
 
-use crate::support::{Bench, Ended};
+use crate::support::{Bench, FinishedRun};
 
 #[test]
-fn a_recorded_run_adds_up_and_comes_again_to_the_byte() {
+fn a_recorded_run_is_balanced_and_replays_byte_for_byte() {
     let bench = Bench::new();
     let recording = bench.path("scan.mcap");
-    let ended = bench.run(&[&"--seconds", &"3", &"--record", &recording]);
-    ended.assert_undisturbed();
+    let run = bench.run(&[&"--seconds", &"3", &"--record", &recording]);
+    run.assert_undisturbed();
     bench.assert_nothing_left();
-    assert!(ended.stage("cloud").passed > 0, "{ended:?}");
-    assert_eq!(ended.summary["recording"], recording.to_str().unwrap());
-    // A busy machine may keep the recorder from its turn: then it says so.
-    let lost = ended.stage("recorder").dropped(DropReason::Overrun);
+    assert!(run.stage("cloud").passed > 0, "{run:?}");
+    assert_eq!(run.summary["recording"], recording.to_str().unwrap());
+    // On a busy machine the recorder may lose messages. Then it counts the loss.
+    let lost = run.stage("recorder").dropped(DropReason::Overrun);
     let codes: &[i32] = if lost > 0 { &[0, 3] } else { &[0] };
-    assert_recorded(&bench, &recording, &ended, lost);
+    assert_recorded(&bench, &recording, &run, lost);
     let check = bench.json(codes, &[&"check", &recording, &"--json"]);
     assert_eq!(check["fault_count"], 0);
     for threads in ["1", "2"] {
@@ -28,9 +28,7 @@ fn a_recorded_run_adds_up_and_comes_again_to_the_byte() {
             (&0.into(), &0.into(), &0.into())
         );
         let same = offline["same"].as_u64().unwrap();
-        assert!(
-            same > 0 && same <= check["clouds"].as_u64().unwrap() && same + 4 * lost >= ended.stage("cloud").passed
-        );
+        assert!(same > 0 && same <= check["clouds"].as_u64().unwrap() && same + 4 * lost >= run.stage("cloud").passed);
         let live = bench.replay(&[&"--threads", &threads, &"replay", &recording, &"--rate", &"max", &"--verify"]);
         live.assert_balanced();
         assert!(live.code.is_some_and(|code| codes.contains(&code)), "{live:?}");
@@ -41,8 +39,9 @@ fn a_recorded_run_adds_up_and_comes_again_to_the_byte() {
     bench.assert_nothing_left();
 }
 
-/// Asserts that all that the cameras, the projector and the cloud service sent is in the recording, but for what was lost.
-fn assert_recorded(bench: &Bench, recording: &Path, ended: &Ended, lost: u64) {
+/// Asserts that the recording has everything that the cameras, the projector and the cloud service sent, except for the
+/// `lost` messages.
+fn assert_recorded(bench: &Bench, recording: &Path, run: &FinishedRun, lost: u64) {
     let info = bench.json(&[0], &[&"info", &recording, &"--json"]);
     for (stage, topic) in [
         ("camera1", "/cam1/frame"),
@@ -51,7 +50,7 @@ fn assert_recorded(bench: &Bench, recording: &Path, ended: &Ended, lost: u64) {
         ("cloud", "/cloud"),
     ] {
         let found = info["topics"].as_array().unwrap().iter().find(|found| found["topic"] == topic).unwrap();
-        let (messages, passed) = (found["messages"].as_u64().unwrap(), ended.stage(stage).passed);
+        let (messages, passed) = (found["messages"].as_u64().unwrap(), run.stage(stage).passed);
         assert!(messages <= passed && messages + lost >= passed, "{topic}: {messages} of {passed}: {info}");
     }
 }

@@ -1,7 +1,7 @@
-//! Recordings from the outside: import, info, check, recover, export, reconstruct and evaluate, and other programs that
-//! read them.
+//! Recordings by the command line: import, info, check, recover, export, reconstruct, evaluate, fuse and simulate, and
+//! their reading in Python.
 
-// A helper that cannot prepare its test fails it.
+// A test fails if its preparation fails.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod commands;
@@ -22,7 +22,8 @@ use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulati
 /// Width and height of the images, pixels.
 const SIZE_PX: [usize; 2] = [96, 80];
 
-/// A dataset folder of a plane, with fringes wide enough for so few pixels, and Gray code, which a recording leaves out.
+/// Returns a dataset folder of a plane. The fringes are wide enough for so few pixels. The folder has Gray-code images,
+/// which recordings leave out.
 fn dataset() -> &'static Path {
     static DATASET: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let make = || {
@@ -47,7 +48,7 @@ fn fringeflow(arguments: &[&dyn AsRef<OsStr>]) -> Output {
 }
 
 /// Runs a command that must succeed.
-fn done(arguments: &[&dyn AsRef<OsStr>]) -> Output {
+fn run_ok(arguments: &[&dyn AsRef<OsStr>]) -> Output {
     let output = fringeflow(arguments);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     output
@@ -58,8 +59,9 @@ fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-fn imported(folder: &TempDir) -> PathBuf {
+/// Imports the dataset folder. Returns the path of the recording.
+fn import_dataset(folder: &TempDir) -> PathBuf {
     let path = folder.path().join("plane.mcap");
-    done(&[&"import", &dataset(), &"-o", &path, &"--rate", &"50"]);
+    run_ok(&[&"import", &dataset(), &"-o", &path, &"--rate", &"50"]);
     path
 }

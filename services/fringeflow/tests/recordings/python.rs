@@ -1,4 +1,4 @@
-//! Python's `mcap` reads a recording by the schemas in it.
+//! The Python package `mcap` reads a recording by its embedded schemas.
 
 use sha2::{Digest as _, Sha256};
 
@@ -9,12 +9,12 @@ use fringeflow_recording::{DEFAULT_QUEUE_BYTES, Opening, Origin, Recordable, Rec
 
 use super::*;
 
-/// What the script reads.
-fn read(recording: &Path) -> Value {
+/// Runs the Python script on a recording. Returns what the script read.
+fn read_in_python(recording: &Path) -> Value {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let made = Command::new(root.join("scripts/python.sh")).output().unwrap();
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    let python = String::from_utf8(made.stdout).unwrap();
+    let prepared = Command::new(root.join("scripts/python.sh")).output().unwrap();
+    assert!(prepared.status.success(), "{}", String::from_utf8_lossy(&prepared.stderr));
+    let python = String::from_utf8(prepared.stdout).unwrap();
     let script = root.join("tests/python/read_recording.py");
     let output = Command::new(python.trim()).arg(script).arg(recording).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -25,15 +25,15 @@ fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Values of the messages of a topic.
+/// Returns the values of all messages of a topic.
 fn values<'a>(read: &'a Value, topic: &str) -> Vec<&'a Value> {
     read["topics"][topic].as_array().unwrap().iter().map(|entry| &entry[2]).collect()
 }
 
 #[test]
-fn an_imported_dataset_is_read_with_its_images_steps_and_attachments() {
+fn python_reads_the_images_steps_and_attachments_of_an_imported_dataset() {
     let folder = tempfile::tempdir().unwrap();
-    let read = read(&imported(&folder));
+    let read = read_in_python(&import_dataset(&folder));
     let [width, height] = SIZE_PX;
     let images = Dataset::open(dataset(), None).unwrap().phase_images(CameraId::Cam2, &[0, 1, 2, 3]).unwrap();
     for (value, image) in values(&read, "/cam2/frame").into_iter().zip(&images) {
@@ -44,7 +44,7 @@ fn an_imported_dataset_is_read_with_its_images_steps_and_attachments() {
     assert_eq!(*values(&read, "/cam1/header")[3], serde_json::json!([3, 1_060_000_000, 1]));
     assert_eq!(read["topics"]["/cam1/frame"][3][0], 1_080_000_000);
     assert_eq!(*values(&read, "/tf")[0], serde_json::json!(["cam2", "projector", "volume"]));
-    // Frames and headers of both cameras, patterns, transforms and two calibrations.
+    // Four frames and headers per camera, four patterns, the transforms and two calibrations.
     assert_eq!(read["counted"], 4 * 4 + 4 + 3);
     for name in [CALIBRATION_FILE, META_FILE, TRUTH_FILE] {
         assert_eq!(read["attachments"][name], sha256(&std::fs::read(dataset().join(name)).unwrap()), "{name}");
@@ -54,13 +54,13 @@ fn an_imported_dataset_is_read_with_its_images_steps_and_attachments() {
 }
 
 #[test]
-fn clouds_reports_and_marks_are_read_with_their_fields() {
+fn python_reads_the_fields_of_clouds_reports_and_marks() {
     let folder = tempfile::tempdir().unwrap();
     let setup = Dataset::open(dataset(), None).unwrap().setup;
     let origin = Origin::here();
     let opening = Opening { setup: &setup, configuration: "", origin: &origin, min_free_bytes: 0 };
     let recorder = Recorder::create(&folder.path().join("live.mcap"), &opening, DEFAULT_QUEUE_BYTES).unwrap();
-    // Bytes that are finite numbers wherever a field begins.
+    // These bytes are finite numbers in every field.
     let records: Vec<u8> = (0..5 * RECORD_BYTES).map(|i| (i % 100) as u8).collect();
     let mut window = Window { images: 4, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[8, 9, 6, 7]);
@@ -71,7 +71,7 @@ fn clouds_reports_and_marks_are_read_with_their_fields() {
     report.counts.drop_many(DropReason::NextStageBusy, 3);
     recorder.push(&Recordable::Report(&report));
     recorder.push(&Recordable::Mark { time_ns: 9, text: "chin" });
-    let read = read(&recorder.finish().unwrap().file);
+    let read = read_in_python(&recorder.finish().unwrap().file);
 
     let points = read_records(&records).unwrap();
     let sum = |field: fn(&fringeflow::cloud::CloudPoint) -> f64| points.iter().map(field).sum::<f64>();

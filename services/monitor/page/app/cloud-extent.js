@@ -1,9 +1,11 @@
-// Where the bulk of a cloud lies: some points far off must not make the rest small or of one colour.
+// Extent of the bulk of a cloud: a few distant points must not make the rest small or of one colour.
 
+// About so many points are looked at.
 const SAMPLES = 3000;
+// Share of the points that may lie beyond each end.
 const OUTLIERS = 0.02;
 
-/** Usual least and greatest value of each axis, in steps: `[[x, x], [y, y], [z, z]]`; null where there is no point. */
+/** Range of each axis without outliers, in steps: `[[x, x], [y, y], [z, z]]`; null without points. */
 export function extentOf(positions) {
     const points = positions.length / 3;
     if (points === 0) {

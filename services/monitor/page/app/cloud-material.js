@@ -1,9 +1,9 @@
-// How points look: coloured in the shader by intensity or by depth, so that changing it costs nothing per point.
+// Material of the points. The shader colours them by intensity or by depth, so a change costs nothing per point.
 
 import { DataTexture, LinearFilter, ShaderMaterial, Vector2 } from "../vendor/three/three.module.min.js";
 import { depthColours } from "./colour-maps.js";
 
-// `position` comes in steps of the message, and so does depth, which is its z.
+// `position` is in steps of the message, and so is depth, its z.
 const VERTEX = `
     attribute float intensity;
     uniform bool byDepth;
@@ -14,9 +14,9 @@ const VERTEX = `
     varying vec3 tint;
 
     void main() {
-        vec4 seen = modelViewMatrix * vec4(position, 1.0);
-        gl_Position = projectionMatrix * seen;
-        gl_PointSize = max(leastSize, pointSize / -seen.z);
+        vec4 inView = modelViewMatrix * vec4(position, 1.0);
+        gl_Position = projectionMatrix * inView;
+        gl_PointSize = max(leastSize, pointSize / -inView.z);
         float nearness = clamp((depths.y - position.z) / max(1.0, depths.y - depths.x), 0.0, 1.0);
         tint = byDepth ? texture2D(colours, vec2(nearness, 0.5)).rgb : vec3(0.12 + 0.88 * intensity);
     }

@@ -1,6 +1,6 @@
-// The live cloud, or the model, seen from where camera 1 is until somebody turns it. Drawn when a cloud comes or the view changes.
-// The scene counts in metres in the frame of camera 1, turned by half a turn about x, since three.js looks along −z
-// with y up.
+// The live cloud or the model, seen from camera 1 until the user turns it. It is drawn when a cloud arrives or the view
+// changes. The scene is in metres in the frame of camera 1, rotated by half a turn about x, since three.js looks along
+// −z with y up.
 
 import {
     BufferAttribute,
@@ -15,21 +15,22 @@ import { OrbitControls } from "../vendor/three/OrbitControls.js";
 import { extentOf } from "./cloud-extent.js";
 import { makeCloudMaterial } from "./cloud-material.js";
 import { gradientOf, depthColours } from "./colour-maps.js";
-import { whenVisible } from "./drawing.js";
+import { oncePerFrame } from "./drawing.js";
 import { byId, setText } from "./elements.js";
 import { fixed, plural } from "./format.js";
 import { markLive } from "./panels.js";
 
+// Steps of the keyboard.
 const TURN_RAD = Math.PI / 24;
 const ZOOM = 0.9;
 
-/** Makes the view; null where the browser has no WebGL, which is then said in the panel. */
+/** Makes the view. Returns null if the browser has no WebGL 2; the panel then says so. */
 export function makeCloudView() {
     const canvas = byId("cloud-canvas");
-    // The drawing is kept after it was shown, so that it can be read from the canvas.
+    // preserveDrawingBuffer: the drawing can be read from the canvas after it was shown.
     const context = canvas.getContext("webgl2", { alpha: true, antialias: true, preserveDrawingBuffer: true });
     if (context === null) {
-        setText(byId("cloud-empty"), "This browser has no 3D graphics (WebGL 2), so the cloud cannot be drawn here.");
+        setText(byId("cloud-empty"), "This browser has no 3D graphics (WebGL 2), so the cloud cannot be shown.");
         return null;
     }
     return new CloudView(canvas, context);
@@ -42,12 +43,14 @@ class CloudView {
     #camera = new PerspectiveCamera(35, 1, 0.001, 50);
     #points = new Points(new BufferGeometry(), makeCloudMaterial());
     #controls;
-    // Middle, radius and distance of points, in metres: of the last cloud, and of the one that the view was made for.
+    // Centre, radius and point spacing in metres: of the last cloud, and of the cloud that the view was fitted to.
     #newest = null;
     #fitted = null;
+    // Whether the user has changed the view since.
     #touched = false;
-    #unanswered = null;
-    #draw = whenVisible(() => this.#render());
+    // The message that is not drawn yet.
+    #undrawn = null;
+    #draw = oncePerFrame(() => this.#render());
 
     constructor(canvas, context) {
         this.#canvas = canvas;
@@ -65,21 +68,21 @@ class CloudView {
         new ResizeObserver(() => this.#resize()).observe(canvas.parentElement);
     }
 
-    /** Draws a cloud in the next frame, then tells the server. */
+    /** Draws a cloud in the next frame, then confirms it to the server. */
     show(message, reply) {
-        this.#unanswered = { id: message.id, reply };
-        this.#place(message);
+        this.#undrawn = { id: message.id, reply };
+        this.#setPoints(message);
         this.#describe(message);
         this.#draw();
     }
 
-    /** Says until the first cloud what it waits for; null where nothing is being prepared. */
+    /** Shows the progress of a preparation until the first cloud arrives; null if nothing is prepared. */
     showPreparation(preparation) {
         setText(byId("cloud-empty"), preparation ?? "No cloud yet");
     }
 
-    /** What comes next is something else: it is looked at anew. */
-    forget() {
+    /** Fits the view to the next cloud, since that shows something else. */
+    refitNext() {
         this.#fitted = null;
         this.#touched = false;
     }
@@ -87,8 +90,8 @@ class CloudView {
     #listen() {
         const canvas = this.#canvas;
         canvas.addEventListener("webglcontextrestored", this.#draw);
-        canvas.addEventListener("keydown", (event) => this.#press(event));
-        // The wheel scrolls the page until the cloud has been clicked at.
+        canvas.addEventListener("keydown", (event) => this.#handleKey(event));
+        // The wheel scrolls the page until the user clicks the cloud.
         this.#controls.enableZoom = false;
         canvas.addEventListener("pointerdown", () => canvas.focus({ preventScroll: true }), { capture: true });
         canvas.addEventListener("focus", () => (this.#controls.enableZoom = true));
@@ -99,7 +102,7 @@ class CloudView {
         this.#recolour();
     }
 
-    #press(event) {
+    #handleKey(event) {
         const actions = {
             ArrowLeft: () => this.#controls.rotateLeft(TURN_RAD),
             ArrowRight: () => this.#controls.rotateLeft(-TURN_RAD),
@@ -126,18 +129,18 @@ class CloudView {
         this.#draw();
     }
 
-    #place({ positions, intensities, centre_m: centre, step_m: step }) {
-        fill(this.#points.geometry, positions, intensities);
+    #setPoints({ positions, intensities, centre_m: centre, step_m: step }) {
+        fillGeometry(this.#points.geometry, positions, intensities);
         this.#points.scale.setScalar(step);
         this.#points.position.set(centre[0], -centre[1], -centre[2]);
         const extent = extentOf(positions);
         if (extent) {
-            this.#measure(extent, centre, step, intensities.length);
+            this.#useExtent(extent, centre, step, intensities.length);
         }
     }
 
-    // Colours and the size of points follow the cloud; the view does only while it is as it was fitted.
-    #measure(extent, centre, step, points) {
+    // Colours and point size always follow the cloud. The view follows it only while the user has not changed it.
+    #useExtent(extent, centre, step, points) {
         const [x, y, z] = extent;
         this.#points.material.uniforms.depths.value.set(z[0], z[1]);
         const [near, far] = z.map((value) => 1000 * (centre[2] + step * value));
@@ -196,10 +199,10 @@ class CloudView {
         uniforms.leastSize.value = 1.5 * ratio;
         uniforms.pointSize.value = (1.3 * (this.#fitted?.spacing ?? 0) * this.#canvas.height) / (2 * half);
         this.#renderer.render(this.#scene, this.#camera);
-        if (this.#unanswered) {
+        if (this.#undrawn) {
             markLive("panel-cloud");
-            this.#unanswered.reply({ type: "shown", id: this.#unanswered.id });
-            this.#unanswered = null;
+            this.#undrawn.reply({ type: "shown", id: this.#undrawn.id });
+            this.#undrawn = null;
         }
     }
 
@@ -210,14 +213,14 @@ class CloudView {
     }
 }
 
-// The buffers on the graphics card stay as long as they are large enough.
-function fill(geometry, positions, intensities) {
+// Reuses the buffers on the graphics card while they are large enough.
+function fillGeometry(geometry, positions, intensities) {
     const points = intensities.length;
     if (!(geometry.getAttribute("intensity")?.count >= points)) {
-        const room = Math.ceil(1.25 * points);
+        const capacity = Math.ceil(1.25 * points);
         geometry.dispose();
-        geometry.setAttribute("position", new BufferAttribute(new Int16Array(3 * room), 3));
-        geometry.setAttribute("intensity", new BufferAttribute(new Uint8Array(room), 1, true));
+        geometry.setAttribute("position", new BufferAttribute(new Int16Array(3 * capacity), 3));
+        geometry.setAttribute("intensity", new BufferAttribute(new Uint8Array(capacity), 1, true));
     }
     for (const [name, values] of [["position", positions], ["intensity", intensities]]) {
         const attribute = geometry.getAttribute(name);

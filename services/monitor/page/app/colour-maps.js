@@ -1,12 +1,12 @@
-// Colour maps as tables of RGB bytes: one that closes upon itself for the phase, one that grows in lightness for depth.
+// Colour maps as tables of RGB bytes: a cyclic one for the phase, and one of increasing lightness for depth.
 
-/** 256 colours of one lightness around the hue circle of OKLCH; equal steps of phase look equally large. */
+/** 256 colours of one lightness around the hue circle of OKLCH. Equal steps of phase look equally large. */
 export const cyclic = tableOf((share) => {
     const angle = 2 * Math.PI * share;
     return fromOklab(0.72, 0.12 * Math.cos(angle), 0.12 * Math.sin(angle));
 });
 
-// Viridis of matplotlib (CC0) without its darkest part, which would not stand out from the dark ground.
+// Viridis of matplotlib (CC0) without its darkest part, which would not stand out from the dark background.
 const VIRIDIS = [0x472d7b, 0x3b528b, 0x2c728e, 0x21918c, 0x28ae80, 0x5ec962, 0xaddc30, 0xfde725];
 
 /** 256 colours from far (0) to near (255). */
@@ -19,11 +19,11 @@ export const depthColours = tableOf((share) => {
     });
 });
 
-/** A colour map as a gradient of the style sheet. */
+/** A colour map as a CSS gradient. */
 export function gradientOf(table) {
     const stops = Array.from({ length: 17 }, (_, step) => {
-        const at = 3 * Math.round((step * 255) / 16);
-        return `rgb(${table[at]} ${table[at + 1]} ${table[at + 2]})`;
+        const first = 3 * Math.round((step * 255) / 16);
+        return `rgb(${table[first]} ${table[first + 1]} ${table[first + 2]})`;
     });
     return `linear-gradient(90deg, ${stops.join(", ")})`;
 }
@@ -36,7 +36,7 @@ function tableOf(rgbOf) {
     return table;
 }
 
-// Björn Ottosson's OKLab, to bytes of sRGB.
+// Converts OKLab (Björn Ottosson) to bytes of sRGB.
 function fromOklab(lightness, a, b) {
     const l = (lightness + 0.3963377774 * a + 0.2158037573 * b) ** 3;
     const m = (lightness - 0.1055613458 * a - 0.0638541728 * b) ** 3;

@@ -1,7 +1,7 @@
-// Colours of the style sheet for canvases, which know nothing of custom properties. A stage has one colour everywhere:
-// the report on a run holds this file too, so it imports nothing.
+// Colours of the style sheet for canvases, which cannot use custom properties. A stage has the same colour everywhere.
+// The report on a run includes this file, so it has no imports.
 
-const ofStages = {
+const namesByStage = {
     total: "ink",
     camera: "series-1",
     camera1: "series-1",
@@ -23,7 +23,7 @@ const probe = document.createElement("span");
 probe.hidden = true;
 document.documentElement.append(probe);
 
-/** The value that custom property `--name` has in the theme of now. */
+/** Value of the custom property `--name` in the current theme. */
 export function colour(name) {
     if (!resolved.has(name)) {
         probe.style.color = `var(--${name})`;
@@ -33,7 +33,7 @@ export function colour(name) {
 }
 
 /** Name of the custom property for a stage or a segment. */
-export const stageColour = (name) => ofStages[name] ?? "ink-soft";
+export const stageColour = (name) => namesByStage[name] ?? "ink-soft";
 
-/** To be called when the theme has changed. */
+/** Must be called when the theme changes. */
 export const forgetColours = () => resolved.clear();

@@ -1,12 +1,12 @@
-// The buttons that start and stop the scan and recordings, and set marks.
+// The buttons that start and stop scan and recordings, and set marks.
 
 import { byId, setState, setText } from "./elements.js";
 import { fileName } from "./format.js";
 
-const ANSWER_WITHIN_MS = 20_000;
+const ANSWER_TIMEOUT_MS = 20_000;
 const SHOWN_MS = 10_000;
 
-/** Wires the buttons; `changed(state)` gets the state that a command led to. */
+/** Connects the buttons. `changed(state)` is called with the state after a command. */
 export class Commands {
     #state = null;
     #changed;
@@ -26,7 +26,7 @@ export class Commands {
         this.showState(null);
     }
 
-    /** What the buttons do next follows from the state; without one (not connected) they do nothing. */
+    /** Sets what the buttons do next. Without a state (not connected) they do nothing. */
     showState(state) {
         this.#state = state;
         if (state !== null) {
@@ -51,14 +51,14 @@ export class Commands {
             return false;
         }
         button.ariaBusy = "true";
-        say("busy", "Sent, waiting for the answer …");
+        showResult("busy", "Sent, waiting for the answer …");
         try {
             const state = await control(command);
-            say("ok", describe(command, state));
+            showResult("ok", describe(command, state));
             this.#changed(state);
             return true;
         } catch (error) {
-            say("error", `Not done: ${error.message}`);
+            showResult("error", `Not done: ${error.message}`);
             return false;
         } finally {
             button.ariaBusy = "false";
@@ -69,12 +69,13 @@ export class Commands {
 const scanCommand = (state) => ({ command: state?.scanning ? "stop" : "start" });
 const recordCommand = (state) => ({ command: state?.recording ? "end-recording" : "record" });
 
+/** Sends a command and returns the state after it. Throws an error whose message is meant for the user. */
 async function control(command) {
     const response = await fetch("/control", {
         method: "POST",
         headers: { "Content-Type": "application/json" },
         body: JSON.stringify(command),
-        signal: AbortSignal.timeout(ANSWER_WITHIN_MS),
+        signal: AbortSignal.timeout(ANSWER_TIMEOUT_MS),
     }).catch((error) => {
         throw new Error(error.name === "TimeoutError" ? "no answer in time" : "the server does not answer");
     });
@@ -100,13 +101,13 @@ function describe({ command, text }, state) {
     }
 }
 
-let fading = null;
+let hideTimer = null;
 
-function say(level, text) {
+function showResult(level, text) {
     const result = byId("command-result");
     setState(result, "level", level);
     setState(result, "old", null);
     setText(result, text);
-    clearTimeout(fading);
-    fading = setTimeout(() => setState(result, "old", ""), SHOWN_MS);
+    clearTimeout(hideTimer);
+    hideTimer = setTimeout(() => setState(result, "old", ""), SHOWN_MS);
 }

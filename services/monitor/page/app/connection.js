@@ -1,21 +1,22 @@
-// The WebSocket to the monitor: opens it, opens it again when it is lost, and notices when nothing comes any more.
+// The WebSocket to the monitor. Opens it, opens it again when it is lost, and notices when messages stop.
 
 import { decode } from "./messages.js";
 
-const FIRST_WAIT_MS = 500;
-const LONGEST_WAIT_MS = 5000;
-// Figures come once a second; after so long without any message what is shown is old.
+// Time until the page connects again; it doubles with each failure.
+const MIN_RETRY_MS = 500;
+const MAX_RETRY_MS = 5000;
+// Figures arrive once a second. After this time without a message, the page is stale.
 const STALE_MS = 3000;
-// A connection that is silent for so long is given up: the other side may be gone without a word.
+// A connection that is silent for this time is given up: the other side may have disappeared without closing it.
 const DEAD_MS = 10_000;
 
 export class Connection {
     #url;
     #listener;
     #socket = null;
-    #heardAt = 0;
+    #receivedAt = 0;
     #openedAt = 0;
-    #wait = FIRST_WAIT_MS;
+    #retryMs = MIN_RETRY_MS;
     #retry = null;
 
     /** `listener` has `opened()`, `message(message, reply)`, `unreadable(error)` and `state(state)`. */
@@ -25,7 +26,7 @@ export class Connection {
     }
 
     start() {
-        setInterval(() => this.#watch(), 1000);
+        setInterval(() => this.#checkSilence(), 1000);
         this.#open();
     }
 
@@ -38,14 +39,14 @@ export class Connection {
         socket.binaryType = "arraybuffer";
         socket.onopen = () => this.#listener.opened();
         socket.onmessage = (event) => this.#receive(socket, event.data);
-        socket.onclose = (event) => this.#lost(whyClosed(event, this.#heardAt >= this.#openedAt));
+        socket.onclose = (event) => this.#reconnect(describeClose(event, this.#receivedAt >= this.#openedAt));
         this.#socket = socket;
         this.#openedAt = Date.now();
     }
 
     #receive(socket, received) {
-        this.#heardAt = Date.now();
-        this.#wait = FIRST_WAIT_MS;
+        this.#receivedAt = Date.now();
+        this.#retryMs = MIN_RETRY_MS;
         this.#listener.state({ name: "live" });
         try {
             this.#listener.message(decode(received), (message) => sendTo(socket, message));
@@ -54,33 +55,34 @@ export class Connection {
         }
     }
 
-    #watch() {
+    #checkSilence() {
         if (this.#retry !== null) {
             return;
         }
-        const silentMs = Date.now() - Math.max(this.#heardAt, this.#openedAt);
+        const silentMs = Date.now() - Math.max(this.#receivedAt, this.#openedAt);
         if (silentMs > DEAD_MS) {
             this.#abandon();
-            this.#lost(`the server has been silent for ${Math.round(silentMs / 1000)} s`);
-        } else if (silentMs > STALE_MS && this.#heardAt >= this.#openedAt) {
-            this.#listener.state({ name: "stale", heardAt: this.#heardAt });
+            this.#reconnect(`the server has been silent for ${Math.round(silentMs / 1000)} s`);
+        } else if (silentMs > STALE_MS && this.#receivedAt >= this.#openedAt) {
+            this.#listener.state({ name: "stale", receivedAt: this.#receivedAt });
         }
     }
 
-    // Closing asks the other side, which may never answer; so nobody listens to this socket any more.
+    // Closing waits for the other side, which may never answer. So the handlers are removed first.
     #abandon() {
         this.#socket.onopen = this.#socket.onmessage = this.#socket.onclose = null;
         this.#socket.close();
     }
 
-    #lost(why) {
+    #reconnect(why) {
         this.#socket = null;
-        this.#listener.state({ name: "reconnecting", why, waitMs: this.#wait, heardAt: this.#heardAt || null });
+        const receivedAt = this.#receivedAt || null;
+        this.#listener.state({ name: "reconnecting", why, retryMs: this.#retryMs, receivedAt });
         this.#retry = setTimeout(() => {
             this.#retry = null;
             this.#open();
-        }, this.#wait);
-        this.#wait = Math.min(2 * this.#wait, LONGEST_WAIT_MS);
+        }, this.#retryMs);
+        this.#retryMs = Math.min(2 * this.#retryMs, MAX_RETRY_MS);
     }
 }
 
@@ -90,13 +92,13 @@ function sendTo(socket, message) {
     }
 }
 
-// Browsers do not say more than this about a connection that never came about.
-function whyClosed(event, wasHeard) {
+// Browsers do not tell why a connection could not be opened.
+function describeClose(event, wasLive) {
     if (event.reason) {
         return event.reason;
     }
     if (event.code === 1001) {
         return "the server is shutting down";
     }
-    return wasHeard ? "the server closed the connection" : "the server does not answer or refuses";
+    return wasLive ? "the server closed the connection" : "the server does not answer, or refuses";
 }

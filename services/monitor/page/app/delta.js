@@ -1,5 +1,5 @@
-// Histogram of δ of the candidates that were looked at; those within mean ± thr are accepted. It shows their
-// neighbourhood, or the whole turn where that is asked for.
+// Histogram of δ of the tested candidates. Candidates within mean ± thr are accepted. The plot shows the range around
+// zero, or the whole turn if the user wants it.
 
 import uPlot from "../vendor/uplot/uPlot.min.js";
 import { roundAbove } from "./axis.js";
@@ -10,15 +10,15 @@ import { markLive } from "./panels.js";
 import { axisStyle } from "./plot-style.js";
 import { makePlot } from "./plot.js";
 
-// So much to both sides of zero is shown at least, and so many times thr: the hill, and the ground it stands on.
-const LEAST_REACH_RAD = 0.6;
-const THRESHOLDS = 8;
+// The plot reaches at least this far from zero, and at least this many times thr: the peak and what is around it.
+const MIN_REACH_RAD = 0.6;
+const MIN_REACH_THRESHOLDS = 8;
 
 export function makeDelta() {
     let window = null;
     const whole = byId("delta-whole");
     const paint = (plot) => window && paintThreshold(plot, window);
-    const range = (_, first, last) => (window && !whole.checked ? neighbourhood(window) : [first ?? -1, last ?? 1]);
+    const range = (_, first, last) => (window && !whole.checked ? rangeAroundZero(window) : [first ?? -1, last ?? 1]);
     const plot = makePlot(byId("delta-plot"), plotOptions(range, paint), [[], []]);
     whole.addEventListener("change", () => window && plot.setData(columnsOf(window.delta_histogram)));
 
@@ -56,8 +56,9 @@ const plotOptions = (range, paint) => ({
     hooks: { drawAxes: [paint] },
 });
 
-function neighbourhood({ delta_mean_rad: mean, thr_rad: thr, delta_histogram: { first_rad: first, last_rad: last } }) {
-    const reach = Math.max(LEAST_REACH_RAD, THRESHOLDS * (thr ?? 0), 2 * Math.abs(mean ?? 0));
+function rangeAroundZero({ delta_mean_rad: mean, thr_rad: thr, delta_histogram: histogram }) {
+    const { first_rad: first, last_rad: last } = histogram;
+    const reach = Math.max(MIN_REACH_RAD, MIN_REACH_THRESHOLDS * (thr ?? 0), 2 * Math.abs(mean ?? 0));
     return [Math.max(first, -reach), Math.min(last, reach)];
 }
 
@@ -66,7 +67,7 @@ function columnsOf({ first_rad: first, last_rad: last, counts }) {
     return [counts.map((_, index) => first + (index + 0.5) * width), counts];
 }
 
-// What is accepted is shaded, so that the tails outside stand apart without reading a number.
+// Shades the accepted range, so that the tails outside are seen at a glance.
 function paintThreshold(plot, { delta_mean_rad: mean, thr_rad: thr }) {
     if (!Number.isFinite(mean) || !Number.isFinite(thr)) {
         return;
@@ -83,9 +84,9 @@ function paintThreshold(plot, { delta_mean_rad: mean, thr_rad: thr }) {
     ctx.textAlign = "center";
     ctx.textBaseline = "bottom";
     ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
-    // Names that would run into each other become one.
-    const room = (high - low) / devicePixelRatio;
-    const names = room > 90 ? ["−thr", "mean", "+thr"] : room > 40 ? ["−thr", "", "+thr"] : ["", "mean ± thr", ""];
+    // Labels that would overlap become one.
+    const width = (high - low) / devicePixelRatio;
+    const names = width > 90 ? ["−thr", "mean", "+thr"] : width > 40 ? ["−thr", "", "+thr"] : ["", "mean ± thr", ""];
     for (const [x, text] of [low, middle, high].map((x, index) => [x, names[index]])) {
         ctx.fillText(text, x, bbox.top - 4 * devicePixelRatio);
         ctx.beginPath();
@@ -101,5 +102,5 @@ const thousands = (count) => (count >= 1000 ? `${fixed(count / 1000, count % 100
 
 function describe({ delta_mean_rad: mean, thr_rad: thr, sd_rad: sd, noise_sd_rad: noise }) {
     const [a, b, c, d] = [mean, thr, sd, noise].map((value) => `${fixed(value, 4)} rad`);
-    return `mean ${a} · thr ±${b} · sd ${c}, of it noise ${d}`;
+    return `mean ${a} · thr ±${b} · sd ${c} (noise ${d})`;
 }

@@ -1,14 +1,14 @@
-// Draws when something has changed, once a frame at most, and not at all while the tab is hidden: browsers hold back
-// animation frames then, so that what came meanwhile is drawn as one when it is seen again.
+// Draws changes at most once a frame, and not while the tab is hidden. Browsers then stop animation frames, so all
+// changes are drawn together when the tab is visible again.
 
-/** Makes a function that asks for `draw` to be called in the next frame; asking again before that changes nothing. */
-export function whenVisible(draw) {
-    let asked = false;
+/** Returns a function that requests a call of `draw` in the next frame. Further requests until then have no effect. */
+export function oncePerFrame(draw) {
+    let isRequested = false;
     return () => {
-        if (!asked) {
-            asked = true;
+        if (!isRequested) {
+            isRequested = true;
             requestAnimationFrame(() => {
-                asked = false;
+                isRequested = false;
                 draw();
             });
         }

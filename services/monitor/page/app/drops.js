@@ -1,4 +1,4 @@
-// What was dropped, where and why: losses, then what was left out by decision, then incidents, which need cost nothing.
+// What was dropped, where and why: losses, then items skipped on purpose, then incidents, which may have cost nothing.
 
 import { byId, setState, setText } from "./elements.js";
 import { fixed } from "./format.js";
@@ -22,18 +22,18 @@ function showSummary(drops, losses) {
     setText(summary, describe(lost ? losses : null, drops.length));
 }
 
-/** What rate the machine holds, and which settings would hold more; only where windows are left out. */
+/** Shows the rate that the machine can hold, and settings that help. Hidden unless windows are skipped. */
 function showPace(pace) {
-    const shown = byId("pace");
-    shown.hidden = !pace;
-    setText(shown, pace ? `${pace}.` : "");
+    const line = byId("pace");
+    line.hidden = !pace;
+    setText(line, pace ? `${pace}.` : "");
 }
 
 function describe(losses, rows) {
     if (losses) {
         return `Since the start: ${losses}.`;
     }
-    return rows > 0 ? "Nothing lost. This was left out on purpose:" : "Nothing lost and nothing left out so far.";
+    return rows > 0 ? "Nothing lost. Decisions and incidents:" : "Nothing lost or skipped so far.";
 }
 
 function cellsOf({ kind, stage, reason, meaning, count }) {

@@ -1,33 +1,34 @@
-// Making elements. Text goes in as text: names of devices and files come from outside and may hold markup.
+// Creates and changes elements. Text is never parsed as HTML: names of devices and files come from outside and may
+// contain markup.
 
-/** A new element; `properties` are set on it (`class`, `text` and data or aria attributes too). */
+/** Creates an element and sets `properties` on it, including `class`, `text`, and data and aria attributes. */
 export function element(tag, properties = {}, ...children) {
-    const made = document.createElement(tag);
+    const created = document.createElement(tag);
     for (const [name, value] of Object.entries(properties)) {
         if (name === "class") {
-            made.className = value;
+            created.className = value;
         } else if (name === "text") {
-            made.textContent = value;
+            created.textContent = value;
         } else if (/^(aria|data)-|^(role|scope)$/.test(name)) {
-            made.setAttribute(name, value);
+            created.setAttribute(name, value);
         } else {
-            made[name] = value;
+            created[name] = value;
         }
     }
-    made.append(...children);
-    return made;
+    created.append(...children);
+    return created;
 }
 
 export const byId = (id) => document.getElementById(id);
 
-/** Writes text only where it differs, so that nothing is laid out or read aloud again without need. */
+/** Sets the text if it differs, so that nothing is laid out or read aloud again without need. */
 export function setText(target, text) {
     if (target.textContent !== text) {
         target.textContent = text;
     }
 }
 
-/** Sets or removes an attribute of state, such as `data-level`. */
+/** Sets a state such as `data-level`, or removes it if the value is null or undefined. */
 export function setState(target, name, value) {
     if (value === null || value === undefined) {
         delete target.dataset[name];

@@ -1,15 +1,15 @@
-// What happened lately, newest first.
+// The list of events, newest first.
 
 import { byId, element } from "./elements.js";
 import { timeOfDay } from "./format.js";
 import { markLive } from "./panels.js";
 
-const LIMIT = 200;
+const MAX_EVENTS = 200;
 const LEVELS = ["info", "warning", "error"];
 
 const list = byId("events-list");
 
-/** Shows the events of a new connection in place of those before. */
+/** Replaces all events by those of a new connection. */
 export function replaceEvents(events) {
     list.replaceChildren();
     addEvents(events);
@@ -19,13 +19,13 @@ export function addEvents(events) {
     for (const event of events) {
         list.prepend(makeEvent(event));
     }
-    while (list.childElementCount > LIMIT) {
+    while (list.childElementCount > MAX_EVENTS) {
         list.lastElementChild.remove();
     }
     byId("events-empty").hidden = list.childElementCount > 0;
 }
 
-/** An empty list is live too, as long as figures come. */
+/** Called with each message of figures: an empty list is live too. */
 export const markEventsLive = () => markLive("panel-events");
 
 function makeEvent({ wall_ms: time, level, source, text }) {

@@ -1,21 +1,21 @@
-// What stands in the queues, how well the cameras keep together, and how much room is left.
+// Waiting items, skew of the cameras, and free space.
 
 import { byId, setState, setText } from "./elements.js";
-import { fixed, megabytes, milliseconds, withUnit } from "./format.js";
+import { fixed, megabytes, milliseconds, plural, withUnit } from "./format.js";
 import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
 
-// Below these a scan of some minutes may no longer fit.
-const LITTLE_DISK_MB = 2000;
-const LITTLE_MEMORY_MB = 64;
+// With less free space, a scan of some minutes may not fit.
+const LOW_DISK_MB = 2000;
+const LOW_MEMORY_MB = 64;
 
 export function showFlow({ figures }) {
     showRows(byId("flow-rows"), (figures.stages ?? []).map(cellsOf));
     showSkew(figures.skew);
-    showRoom("disk-free", figures.room?.disk_free_mb, LITTLE_DISK_MB);
-    showRoom("memory-free", figures.room?.shared_memory_free_mb, LITTLE_MEMORY_MB);
-    setText(byId("about-clients"), `${fixed(figures.clients)} watching`);
+    showFreeSpace("disk-free", figures.room?.disk_free_mb, LOW_DISK_MB);
+    showFreeSpace("memory-free", figures.room?.shared_memory_free_mb, LOW_MEMORY_MB);
+    setText(byId("about-clients"), `${plural(figures.clients, "page")} connected`);
     markLive("panel-flow");
 }
 
@@ -33,10 +33,10 @@ function cellsOf({ stage, rate_hz: rate, waiting, in_work: inWork, latency }) {
 
 function showSkew(skew) {
     setText(byId("skew"), withUnit(fixed(skew?.mean_ms, 3), "ms"));
-    setText(byId("skew-ends"), skew ? `${fixed(skew.least_ms, 3)} to ${fixed(skew.greatest_ms, 3)} ms` : "no pairs now");
+    setText(byId("skew-ends"), skew ? `${fixed(skew.least_ms, 3)} to ${fixed(skew.greatest_ms, 3)} ms` : "no pairs");
 }
 
-function showRoom(id, free, little) {
+function showFreeSpace(id, free, low) {
     setText(byId(id), megabytes(free));
-    setState(byId(id), "level", free < little ? "error" : null);
+    setState(byId(id), "level", free < low ? "error" : null);
 }

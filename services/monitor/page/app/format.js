@@ -1,8 +1,8 @@
-// Numbers and times as text. What is missing is a dash, never a zero. The report on a run holds this file too, so it imports
-// nothing.
+// Numbers and times as text. A missing value is a dash, never a zero. The report on a run includes this file, so it has
+// no imports.
 
 export const MISSING = "–";
-// Digit groups of one width and the same decimal point for everyone who reads over the operator's shoulder.
+// The same digit groups and decimal point in every locale.
 const formats = Array.from(
     { length: 5 },
     (_, digits) => new Intl.NumberFormat("en", { minimumFractionDigits: digits, maximumFractionDigits: digits }),
@@ -14,7 +14,7 @@ export function fixed(value, digits = 0) {
     return isNumber(value) ? formats[digits].format(value).replace("-", "−") : MISSING;
 }
 
-/** About three digits that count, for figures whose size is not known beforehand. */
+/** About three significant digits, for values of any size. */
 export function short(value) {
     if (!isNumber(value)) {
         return MISSING;
@@ -25,7 +25,7 @@ export function short(value) {
 
 export const withUnit = (text, unit) => (text === MISSING ? MISSING : `${text} ${unit}`);
 
-/** Two digits that count are enough beside a plot. */
+/** Milliseconds with about two significant digits. */
 export function milliseconds(value) {
     return withUnit(fixed(value, value >= 10 || value === 0 ? 0 : value >= 1 ? 1 : value >= 0.1 ? 2 : 3), "ms");
 }
@@ -36,15 +36,16 @@ export function megabytes(value) {
 
 export const plural = (count, one, many = `${one}s`) => `${fixed(count)} ${count === 1 ? one : many}`;
 
-export const two = (value) => String(value).padStart(2, "0");
+/** A number below 100 as two digits. */
+export const twoDigits = (value) => String(value).padStart(2, "0");
 
-/** Time of day here, in 24 hours. */
+/** Local time of day, 24 hours. */
 export function timeOfDay(wallMs) {
     if (!isNumber(wallMs)) {
         return MISSING;
     }
     const time = new Date(wallMs);
-    return `${two(time.getHours())}:${two(time.getMinutes())}:${two(time.getSeconds())}`;
+    return `${twoDigits(time.getHours())}:${twoDigits(time.getMinutes())}:${twoDigits(time.getSeconds())}`;
 }
 
 export const fileName = (path) => path.split("/").pop();

@@ -1,11 +1,11 @@
-// Quantities of health as text and colour, wherever they are shown.
+// Text and colour of the quantities of health. The report on a run includes this file too, after those it imports from.
 
 import { MISSING, fixed, isNumber, withUnit } from "./format.js";
 
-/** How a state is coloured; one that is not known is idle. */
+/** Level that colours a state. An unknown state is idle. */
 export const HEALTH_LEVELS = { ok: "ok", warn: "warning", bad: "error" };
 
-/** Level or limit with its unit; shares in percent. */
+/** Level or limit with its unit. Shares are in percent. */
 export function gaugeValue(value, unit) {
     if (!isNumber(value)) {
         return MISSING;
@@ -13,7 +13,7 @@ export function gaugeValue(value, unit) {
     return unit ? withUnit(fixed(value, 3), unit) : withUnit(fixed(100 * value, 1), "%");
 }
 
-/** The drift as of a window: its level, rad, whether it is beyond a limit, and what to say of it. */
+/** The drift of a window: its level in rad as text, whether it is beyond a limit, and a note. */
 export function describeDrift(window) {
     const drift = window?.health?.quantities.find(({ quantity }) => quantity === "drift");
     const isBeyond = drift?.state === "warn" || drift?.state === "bad";

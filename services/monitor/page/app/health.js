@@ -1,4 +1,4 @@
-// Whether the scanner measures as it should: what is watched from window to window, with its limits.
+// The health of the scanner: quantities that are watched from window to window, with their limits.
 
 import { byId, setState, setText } from "./elements.js";
 import { MISSING, fixed, isNumber, withUnit } from "./format.js";
@@ -15,22 +15,23 @@ export function showHealth({ figures }) {
     const overall = byId("health-state");
     setText(overall, state);
     setState(overall, "level", HEALTH_LEVELS[state] ?? "idle");
-    showRows(byId("health-rows"), (health?.quantities ?? []).map((gauge) => cellsOf(gauge, figures.health_for_s ?? {})));
+    const secondsInState = figures.health_for_s ?? {};
+    showRows(byId("health-rows"), (health?.quantities ?? []).map((gauge) => cellsOf(gauge, secondsInState)));
     markLive("panel-health");
 }
 
-function cellsOf({ quantity, title, unit, state, level, warn, bad }, forS) {
+function cellsOf({ quantity, title, unit, state, level, warn, bad }, secondsInState) {
     return [
-        { head: true, text: capital(title ?? quantity), title: quantity },
+        { head: true, text: capitalized(title ?? quantity), title: quantity },
         { badge: "badge", text: state, level: HEALTH_LEVELS[state] ?? "idle" },
         { number: true, text: gaugeValue(level, unit), level: state === "ok" ? null : HEALTH_LEVELS[state] },
         { number: true, text: gaugeValue(warn, unit) },
         { number: true, text: gaugeValue(bad, unit) },
-        { number: true, text: since(forS[quantity]) },
+        { number: true, text: durationText(secondsInState[quantity]) },
     ];
 }
 
-function since(seconds) {
+function durationText(seconds) {
     if (!isNumber(seconds)) {
         return MISSING;
     }
@@ -40,4 +41,4 @@ function since(seconds) {
     return seconds < 2 * HOUR_S ? withUnit(fixed(seconds / MINUTE_S), "min") : withUnit(fixed(seconds / HOUR_S), "h");
 }
 
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const capitalized = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,4 +1,4 @@
-// The explanations behind the question marks: one open at a time, closed by Escape or a click elsewhere.
+// The explanations behind the question marks. One is open at a time; Escape or a click elsewhere closes it.
 
 export function startHelp() {
     const all = [...document.querySelectorAll("details.help")];

@@ -1,7 +1,7 @@
-// The samples of the last ten minutes, one a second, and nothing older.
+// The samples of the last ten minutes, one per second.
 
-export const LIMIT = 600;
-// Samples further apart leave a gap in the plots instead of a line across what nobody saw.
+const MAX_SAMPLES = 600;
+// Samples further apart leave a gap in the plots, since nothing is known in between.
 const GAP_MS = 2500;
 
 export class History {
@@ -31,29 +31,30 @@ export class History {
             if (last.wall_ms - sample.wall_ms < GAP_MS) {
                 return;
             }
-            // The server's clock was set back: times of before it no longer say when something was.
+            // The server's clock was set back, so the earlier times are wrong.
             this.#samples = [];
             last = null;
         }
         if (last && sample.wall_ms - last.wall_ms > GAP_MS) {
+            // A sample without values makes the gap.
             this.#samples.push({ wall_ms: last.wall_ms + 1000 });
         }
         this.#samples.push(sample);
-        this.#samples.splice(0, this.#samples.length - LIMIT);
+        this.#samples.splice(0, this.#samples.length - MAX_SAMPLES);
     }
 
-    /** Times in seconds, as the plots count. */
+    /** Times in seconds, as the plots need them. */
     times() {
         return this.#samples.map((sample) => sample.wall_ms / 1000);
     }
 
-    /** One figure of every sample, null where there is none. */
+    /** One value of every sample; null if a sample does not have it. */
     column(read) {
         return this.#samples.map((sample) => read(sample) ?? null);
     }
 
-    /** The sample of about so long ago, or the oldest. */
-    ago(milliseconds) {
+    /** The first sample with values within this time before the last one. */
+    firstWithin(milliseconds) {
         const since = (this.last?.wall_ms ?? 0) - milliseconds;
         return this.#samples.find((sample) => sample.wall_ms >= since && sample.dropped) ?? null;
     }

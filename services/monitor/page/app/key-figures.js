@@ -1,4 +1,4 @@
-// The few figures that tell from a step away whether all is well.
+// The key figures, which show at a glance whether the scan runs well.
 
 import { byId, setState, setText } from "./elements.js";
 import { MISSING, fixed, milliseconds, short, withUnit } from "./format.js";
@@ -9,24 +9,24 @@ const MINUTE_MS = 60_000;
 
 export function showKeyFigures({ figures, history }) {
     const { sample, window } = figures;
-    const whole = figures.exposure_to_cloud;
-    set("cloud-rate", fixed(sample?.rates?.cloud, 1), describeCameras(sample?.rates));
-    set("latency-p50", short(sample?.total?.[0]), `whole run ${milliseconds(whole?.p50_ms)}`);
-    set("latency-p99", short(sample?.total?.[2]), `whole run ${milliseconds(whole?.p99_ms)}`);
-    set("points", fixed(window?.points), "in the last cloud");
+    const wholeRun = figures.exposure_to_cloud;
+    showFigure("cloud-rate", fixed(sample?.rates?.cloud, 1), describeCameras(sample?.rates));
+    showFigure("latency-p50", short(sample?.total?.[0]), `whole run ${milliseconds(wholeRun?.p50_ms)}`);
+    showFigure("latency-p99", short(sample?.total?.[2]), `whole run ${milliseconds(wholeRun?.p99_ms)}`);
+    showFigure("points", fixed(window?.points), "in the last cloud");
     showLosses(figures, history);
-    set("efc", short(window?.efc), "efc: per true candidate");
+    showFigure("efc", short(window?.efc), "efc: per true candidate");
     showDrift(window);
     markLive("panel-key-figures");
 }
 
 function showDrift(window) {
     const { level, isBeyond, note } = describeDrift(window);
-    set("drift", level, note);
+    showFigure("drift", level, note);
     setState(byId("tile-drift"), "level", isBeyond ? "error" : null);
 }
 
-function set(name, value, note) {
+function showFigure(name, value, note) {
     const figure = byId(`figure-${name}`);
     setText(figure, value);
     setState(figure, "missing", value === MISSING ? "" : null);
@@ -34,18 +34,18 @@ function set(name, value, note) {
 }
 
 function describeCameras(rates) {
-    // Windows need both cameras, so the slower one counts.
+    // A window needs images of both cameras, so the slower one counts.
     const rate = Math.min(rates?.camera1 ?? NaN, rates?.camera2 ?? NaN);
     return `from ${withUnit(fixed(rate, 1), "images/s")}`;
 }
 
 function showLosses(figures, history) {
     if (!figures.sample?.lost) {
-        set("lost", MISSING, "");
+        showFigure("lost", MISSING, "");
         return;
     }
     const total = figures.sample.lost.images;
-    const recent = total - (history.ago(MINUTE_MS)?.lost?.images ?? 0);
-    set("lost", fixed(total), recent > 0 ? `${fixed(recent)} in the last minute` : "none in the last minute");
+    const recent = total - (history.firstWithin(MINUTE_MS)?.lost?.images ?? 0);
+    showFigure("lost", fixed(total), recent > 0 ? `${fixed(recent)} in the last minute` : "none in the last minute");
     setState(byId("tile-lost"), "level", recent > 0 ? "error" : total > 0 ? "warning" : "ok");
 }

@@ -1,4 +1,4 @@
-// Time line of the latency: of the whole way from exposure to cloud, and of each stage.
+// Timeline of the latency from exposure to cloud, and of each stage.
 
 import { stageColour } from "./colours.js";
 import { byId } from "./elements.js";
@@ -8,7 +8,7 @@ import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { TimePlot } from "./plot.js";
 
-// The others take microseconds, or are hidden in these; one click shows them.
+// Lines that are shown at first. Most other stages take microseconds; one click shows them.
 const SHOWN = ["total", "phase", "correspondence", "cloud"];
 const PERCENTILES = { p50: 0, p90: 1, p99: 2 };
 
@@ -32,9 +32,9 @@ export function makeLatency(hello) {
     const legend = new Legend(byId("latency-legend"), series, (index, shown) => plot.setShown(index, shown));
 
     const show = () => {
-        const place = PERCENTILES[select.value];
+        const percentile = PERCENTILES[select.value];
         columns = names.map((name) =>
-            history.column((sample) => (name === "total" ? sample.total : sample.stages?.[name])?.[place]),
+            history.column((sample) => (name === "total" ? sample.total : sample.stages?.[name])?.[percentile]),
         );
         plot.show(history.times(), columns);
         showLegend();

@@ -1,8 +1,11 @@
-// The legend of a plot: name, colour and value of each series, now or where the cursor is.
+// The legend of a plot: name, colour and value of each series.
 
 import { element, setText } from "./elements.js";
 
-/** `entries` are `{ label, colour, shown }`. With `toggled(index, shown)` each is a button that shows or hides it. */
+/**
+ * A legend. `entries` are `{ label, colour, shown }`. With `toggled(index, shown)` each entry is a button that shows or
+ * hides its series.
+ */
 export class Legend {
     #values;
 
@@ -14,6 +17,7 @@ export class Legend {
         });
     }
 
+    /** Shows the values, one text per entry. */
     show(texts) {
         texts.forEach((text, index) => setText(this.#values[index], text));
     }

@@ -1,11 +1,11 @@
-// The page: takes what the monitor sends, keeps what the plots need, and hands it to the panels.
+// The page: receives the monitor's messages, keeps the history for the plots, and updates the panels.
 
 import { forgetColours } from "./colours.js";
 import { makeCloudView } from "./cloud.js";
 import { Commands } from "./commands.js";
 import { Connection } from "./connection.js";
 import { makeDelta } from "./delta.js";
-import { whenVisible } from "./drawing.js";
+import { oncePerFrame } from "./drawing.js";
 import { showDrops } from "./drops.js";
 import { byId } from "./elements.js";
 import { addEvents, markEventsLive, replaceEvents } from "./events.js";
@@ -28,16 +28,16 @@ import { showTracking, startTracking } from "./tracking.js";
 
 const history = new History();
 const cloudView = makeCloudView();
-const commands = new Commands(takeState);
+const commands = new Commands(applyState);
 let build = null;
 let panels = [];
 let figures = null;
 
-const drawPanels = whenVisible(() => panels.forEach((show) => show({ figures, history })));
+const drawPanels = oncePerFrame(() => panels.forEach((show) => show({ figures, history })));
 
 const handlers = {
-    hello: takeHello,
-    figures: takeFigures,
+    hello: handleHello,
+    figures: handleFigures,
     events: ({ events }) => addEvents(events ?? []),
     pictures: showPictures,
     cloud: (message, reply) => cloudView?.show(message, reply),
@@ -45,15 +45,15 @@ const handlers = {
 };
 
 const connection = new Connection(new URL("/live", location.href.replace(/^http/, "ws")), {
-    opened: sendWant,
+    opened: sendWanted,
     message: (message, reply) => handlers[message.type]?.(message, reply),
     unreadable: ({ message }) =>
         addEvents([{ wall_ms: Date.now(), level: "error", source: "page", text: `cannot show a message: ${message}` }]),
-    state: takeConnection,
+    state: handleConnection,
 });
 
-function takeHello(hello) {
-    // Another program, another page: what is loaded may not fit what now comes.
+function handleHello(hello) {
+    // After an update of the monitor, the loaded page may not fit its messages.
     const builtFor = JSON.stringify([hello.version, hello.stages, hello.segments]);
     if (build !== null && build !== builtFor) {
         location.reload();
@@ -82,20 +82,20 @@ function takeHello(hello) {
     replaceEvents(hello.events ?? []);
 }
 
-function takeFigures(message) {
+function handleFigures(message) {
     figures = message;
     history.add(message.sample);
-    takeState(message.state ?? {}, message.preparation ?? null);
+    applyState(message.state ?? {}, message.preparation ?? null);
     cloudView?.showPreparation(message.preparation ?? null);
     drawPanels();
 }
 
-function takeState(state, preparation = null) {
+function applyState(state, preparation = null) {
     showState(state, preparation);
     commands.showState(state);
 }
 
-function takeConnection(state) {
+function handleConnection(state) {
     showConnection(state);
     if (state.name === "live") {
         return;
@@ -106,17 +106,17 @@ function takeConnection(state) {
     }
 }
 
-// Nothing large is sent to a tab that nobody sees.
-function sendWant() {
-    const seen = !document.hidden;
-    const source = seen && cloudView !== null ? byId("cloud-source").value : null;
-    connection.send({ type: "want", pictures: seen, cloud: source === "cloud", model: source === "model" });
+// Tells the server which large messages it should send: none while the tab is hidden.
+function sendWanted() {
+    const isVisible = !document.hidden;
+    const source = isVisible && cloudView !== null ? byId("cloud-source").value : null;
+    connection.send({ type: "want", pictures: isVisible, cloud: source === "cloud", model: source === "model" });
 }
 
-document.addEventListener("visibilitychange", sendWant);
+document.addEventListener("visibilitychange", sendWanted);
 byId("cloud-source").addEventListener("change", () => {
-    cloudView?.forget();
-    sendWant();
+    cloudView?.refitNext();
+    sendWanted();
 });
 startTheme(byId("button-theme"), () => {
     forgetColours();

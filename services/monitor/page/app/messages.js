@@ -1,5 +1,5 @@
-// What comes through the WebSocket, as objects. Binary messages are the length of a JSON header, the header, and data
-// that its offsets count into.
+// Decodes the messages of the WebSocket. A binary message consists of the length of a JSON header, the header, and
+// data. The offsets in the header count from the start of the data.
 
 const utf8 = new TextDecoder();
 
@@ -40,7 +40,7 @@ function decodePicture(picture, buffer, begin) {
 
 const bytes = (buffer, start, count) => new Uint8Array(buffer, start, count);
 
-// A copy, since views of words must begin at even places and pictures of an odd number of bytes may stand before.
+// Copies the data, since views of 16-bit values must begin at even offsets.
 function words(Type, buffer, start, count) {
     const view = new Type(buffer.slice(start, start + 2 * count));
     if (view.length !== count) {

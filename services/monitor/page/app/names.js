@@ -1,12 +1,13 @@
-// The program's short names as words. The report on a run holds this file too, so it imports nothing.
+// Names of stages and reasons as words. The report on a run includes this file, so it has no imports.
 
+/** A name as words: underscores and final digits are separated. */
 export const words = (name) => String(name).replaceAll("_", " ").replace(/(\d+)$/, " $1");
 
-/** A stage or a part of the way as a title: a queue is where one waits. */
+/** Title of a stage or a segment. `cloud_queue` becomes “Wait for cloud”. */
 export const titled = (name) =>
     words(String(name).replace(/^(.*)_queue$/, "wait_for_$1")).replace(/^./, (first) => first.toUpperCase());
 
-/** How much it matters that something was dropped or survived: its title, and the level it is coloured by. */
+/** Title and colour level of each kind of drop or incident. */
 export const DROP_KINDS = {
     loss: { title: "Loss", level: "error" },
     decision: { title: "Decision", level: "idle" },

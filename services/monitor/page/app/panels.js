@@ -1,4 +1,4 @@
-// Marks panels that show live data, for the style sheet and for tests.
+// Marks panels that show live data, for tests.
 
 import { byId } from "./elements.js";
 

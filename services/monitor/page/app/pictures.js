@@ -1,13 +1,13 @@
-// The pictures of the last window: what the cameras see, phase, modulation and depth. Zero means nothing there, except
-// in the images of the cameras.
+// The pictures of the last window: camera images, phase, modulation and depth. Zero means no value, except in camera
+// images.
 
 import { cyclic, depthColours, gradientOf } from "./colour-maps.js";
-import { whenVisible } from "./drawing.js";
+import { oncePerFrame } from "./drawing.js";
 import { byId, setText } from "./elements.js";
 import { fixed } from "./format.js";
 import { markLive } from "./panels.js";
 
-// Some outliers must not take the colours from all others.
+// Share of the depths beyond each end of the colour map. A few outliers must not use up the colours.
 const OUTLIERS = 0.01;
 
 const painters = {
@@ -19,7 +19,7 @@ const painters = {
 };
 
 let newest = null;
-const draw = whenVisible(() => {
+const draw = oncePerFrame(() => {
     const { message, reply } = newest;
     message.pictures.forEach(drawPicture);
     markLive("panel-pictures");
@@ -31,7 +31,7 @@ export function startPictures() {
     byId("depth-scale").style.background = gradientOf(depthColours);
 }
 
-/** Draws the pictures in the next frame, then tells the server. */
+/** Draws the pictures in the next frame, then confirms them to the server. */
 export function showPictures(message, reply) {
     newest = { message, reply };
     draw();
@@ -53,42 +53,43 @@ function drawPicture(picture) {
     canvas.closest("figure").dataset.shown = "true";
 }
 
-// One pixel as the bytes red, green, blue, alpha in memory.
+// A pixel as a word whose bytes in memory are red, green, blue, alpha.
 const pixelOf = (red, green, blue) => ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0;
-const greys = Uint32Array.from({ length: 256 }, (_, grey) => pixelOf(grey, grey, grey));
+const greyPixels = Uint32Array.from({ length: 256 }, (_, grey) => pixelOf(grey, grey, grey));
 const tableOf = (colours) =>
     Uint32Array.from({ length: 256 }, (_, index) => pixelOf(...colours.subarray(3 * index, 3 * index + 3)));
-const phases = tableOf(cyclic);
-const depths = tableOf(depthColours);
+const phasePixels = tableOf(cyclic);
+const depthPixels = tableOf(depthColours);
 
-/** Greys from `least` on; below stays clear. */
+/** Returns a painter of grey values. Values below `least` stay transparent. */
 function paintGrey(least) {
-    return ({ pixels }, into) => {
+    return ({ pixels }, output) => {
         for (let index = 0; index < pixels.length; index += 1) {
-            into[index] = pixels[index] >= least ? greys[pixels[index]] : 0;
+            output[index] = pixels[index] >= least ? greyPixels[pixels[index]] : 0;
         }
     };
 }
 
-function paintPhase({ pixels }, into) {
+function paintPhase({ pixels }, output) {
     for (let index = 0; index < pixels.length; index += 1) {
-        into[index] = pixels[index] > 0 ? phases[pixels[index] - 1] : 0;
+        output[index] = pixels[index] > 0 ? phasePixels[pixels[index] - 1] : 0;
     }
 }
 
-function paintDepth({ pixels, base_mm: base, step_mm: step }, into) {
-    const [nearest, farthest] = usualRange(pixels);
+function paintDepth({ pixels, base_mm: base, step_mm: step }, output) {
+    const [nearest, farthest] = rangeWithoutOutliers(pixels);
     const scale = 255 / Math.max(1, farthest - nearest);
     for (let index = 0; index < pixels.length; index += 1) {
         const nearness = (farthest - pixels[index]) * scale;
-        into[index] = pixels[index] > 0 ? depths[Math.max(0, Math.min(255, nearness)) | 0] : 0;
+        output[index] = pixels[index] > 0 ? depthPixels[Math.max(0, Math.min(255, nearness)) | 0] : 0;
     }
     const millimetres = (value) => (value > 0 ? fixed(base + (value - 1) * step, 0) : "–");
     setText(byId("depth-near"), `${millimetres(nearest)} mm`);
     setText(byId("depth-far"), `${millimetres(farthest)} mm`);
 }
 
-function usualRange(pixels) {
+/** Least and greatest depth code without outliers; zeros without depths. */
+function rangeWithoutOutliers(pixels) {
     const valid = pixels.filter((value) => value > 0).sort();
     if (valid.length === 0) {
         return [0, 0];

@@ -1,4 +1,4 @@
-// How plots over time look. The report on a run holds this file too, behind those that it imports from.
+// Style of plots over time. The report on a run includes this file too, after those it imports from.
 
 import { digitsOf } from "./axis.js";
 import { colour } from "./colours.js";
@@ -6,13 +6,13 @@ import { fixed } from "./format.js";
 
 const FONT = "13px system-ui, sans-serif";
 
-/** As large as an element. */
+/** Size of an element, at least 50 × 40 px. */
 export const sizeOf = (holder) => ({
     width: Math.max(holder.clientWidth, 50),
     height: Math.max(holder.clientHeight, 40),
 });
 
-/** Padding and cursor; plots over time share where it points to. */
+/** Padding and cursor. All plots over time share the cursor. */
 export const timePlotOptions = (small) => ({
     padding: [10, small ? 12 : 30, small ? 6 : 0, 0],
     cursor: {
@@ -31,7 +31,7 @@ export const axisStyle = () => ({
     gap: 6,
 });
 
-/** The vertical axis, `size` pixels wide, with `unit` at each label. */
+/** Vertical axis, `size` pixels wide, with `unit` after each label. */
 export const valueAxis = (small, unit, size) => ({
     ...axisStyle(),
     size,
@@ -42,7 +42,7 @@ export const valueAxis = (small, unit, size) => ({
     },
 });
 
-/** The line of a series `{ label, colour, width, fill, shown }`. */
+/** Line style of a series `{ label, colour, width, fill, shown }`. */
 export const lineStyle = ({ label, colour: name, width = 1.5, fill, shown = true }) => ({
     label,
     show: shown,

@@ -1,4 +1,4 @@
-// Plots over the last ten minutes, all with the same axes, and a cursor that they share.
+// Plots over the last ten minutes, with the same time axis and a common cursor.
 
 import uPlot from "../vendor/uplot/uPlot.min.js";
 import { fromZero } from "./axis.js";
@@ -6,15 +6,15 @@ import { timeOfDay } from "./format.js";
 import { axisStyle, lineStyle, sizeOf, timePlotOptions, valueAxis } from "./plot-style.js";
 
 const SPAN_S = 600;
-// At the begin the time line starts with the first sample, and so little fills it.
-const LEAST_SPAN_S = 10;
+// Least span of the time axis, while there are few samples.
+const MIN_SPAN_S = 10;
 
 const plots = new Set();
 
-/** To be called when the theme has changed. */
+/** Must be called when the theme changes. */
 export const redrawPlots = () => plots.forEach((plot) => plot.redraw());
 
-/** uPlot in an element, as large as the element. */
+/** Makes a plot in an element, as large as the element. */
 export function makePlot(holder, options, columns) {
     const plot = new uPlot({ ...sizeOf(holder), legend: { show: false }, ...options }, columns, holder);
     new ResizeObserver(() => plot.setSize(sizeOf(holder))).observe(holder);
@@ -23,8 +23,8 @@ export function makePlot(holder, options, columns) {
 }
 
 /**
- * A plot over time, with `unit` at each label. `series` are `{ label, colour, width, fill, shown }`;
- * `range(least, greatest)` gives the ends of the vertical axis; `hovered()` is called when the cursor moves.
+ * A plot over time. `series` are `{ label, colour, width, fill, shown }`, `unit` follows each label of the vertical
+ * axis, `range(least, greatest)` returns the ends of that axis, and `hovered()` is called when the cursor moves.
  */
 export class TimePlot {
     #plot;
@@ -51,7 +51,7 @@ export class TimePlot {
         this.#plot.setSeries(index + 1, { show: shown });
     }
 
-    /** The place in the columns that the cursor points to, or null. */
+    /** Index into the columns at the cursor, or null. */
     get hovered() {
         return this.#plot.cursor.left >= 0 ? (this.#plot.cursor.idx ?? null) : null;
     }
@@ -66,12 +66,12 @@ const timeAxis = (small) => ({
     values: (_, splits, _axis, _space, step) => splits.map((seconds) => clock(seconds, step)),
 });
 
-// Seconds are told only where labels stand closer than a minute.
+// Shows seconds only if labels are less than a minute apart.
 const clock = (seconds, step) => timeOfDay(seconds * 1000).slice(0, step < 60 ? 8 : 5);
 
 function timeRange(_, first, last) {
     if (last === null || last === undefined) {
-        return [Date.now() / 1000 - LEAST_SPAN_S, Date.now() / 1000];
+        return [Date.now() / 1000 - MIN_SPAN_S, Date.now() / 1000];
     }
-    return [Math.min(last - LEAST_SPAN_S, Math.max(first, last - SPAN_S)), last];
+    return [Math.min(last - MIN_SPAN_S, Math.max(first, last - SPAN_S)), last];
 }

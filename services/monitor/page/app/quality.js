@@ -1,4 +1,4 @@
-// Quality of the windows over time: one small plot a figure, since each has its own unit and size.
+// Quality of the windows over time. Each figure has its own small plot, since units and sizes differ.
 
 import { aroundZero, fromZero } from "./axis.js";
 import { byId, element, setText } from "./elements.js";
@@ -39,7 +39,7 @@ const FIGURES = [
         text: short,
     },
     {
-        label: "Periods a segment (n)",
+        label: "Periods per segment (n)",
         hint: "Mean number of fringe periods on an epipolar segment. Rig and volume determine it.",
         lines: [{ colour: "series-9", read: (window) => window.n }],
         text: short,
@@ -73,7 +73,7 @@ const FIGURES = [
         text: (value) => fixed(value, 3),
     },
     {
-        label: "Motion an image",
+        label: "Motion per image",
         hint: "Phase motion from image to image of cameras 1 and 2. One pixel in twenty moves faster. Up to about 1 rad is compensated.",
         lines: [
             { colour: "series-1", read: (window) => window.fast_motion_rad?.[0] },
@@ -88,9 +88,9 @@ export function makeQuality() {
     byId("quality-help").append(
         ...FIGURES.flatMap(({ label, hint }) => [element("dt", { text: label }), element("dd", { text: hint })]),
     );
-    const small = FIGURES.map((figure) => makeSmallPlot(holder, figure));
+    const plots = FIGURES.map((figure) => makeSmallPlot(holder, figure));
     return ({ history }) => {
-        small.forEach((show) => show(history));
+        plots.forEach((show) => show(history));
         if (history.last) {
             markLive("panel-quality");
         }

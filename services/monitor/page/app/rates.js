@@ -1,4 +1,4 @@
-// How many images, phase maps and clouds come a second.
+// Images, phase maps and clouds per second.
 
 import { stageColour } from "./colours.js";
 import { byId } from "./elements.js";

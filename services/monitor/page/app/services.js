@@ -1,4 +1,4 @@
-// The processes of the instance, and how they are.
+// The services of the instance and their state.
 
 import { byId } from "./elements.js";
 import { fixed, megabytes, withUnit } from "./format.js";
@@ -26,5 +26,5 @@ function cellsOf({ name, state, why, pid, restarts, cpu_percent: cpu, memory_mb:
 
 function describe(pid, stages) {
     const process = pid ? `Process ${pid}` : "No process";
-    return stages?.length ? `${process}, holds ${stages.map(titled).join(", ")}` : process;
+    return stages?.length ? `${process}, runs ${stages.map(titled).join(", ")}` : process;
 }

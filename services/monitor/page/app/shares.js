@@ -1,4 +1,4 @@
-// What the way from exposure to cloud is made of, stacked over time. The segments add up to the whole.
+// The segments of the time from exposure to cloud, stacked over time, in percent. They add up to the total.
 
 import { stageColour } from "./colours.js";
 import { byId } from "./elements.js";
@@ -18,7 +18,7 @@ export function makeShares(hello) {
         const total = sum(means ?? []);
         legend.show(names.map((_, index) => describe(means?.[index], total)));
     };
-    // Each area reaches from zero to the top of its segment; those drawn later cover the lower part.
+    // Each area reaches from zero to the top of its segment. Areas drawn later cover the lower part.
     const areas = series.toReversed().map((entry) => ({ ...entry, width: 0, fill: entry.colour }));
     const options = { series: areas, range: () => [0, 100], unit: " %", hovered: showLegend };
     const plot = new TimePlot(byId("shares-plot"), options);

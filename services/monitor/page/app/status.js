@@ -1,4 +1,4 @@
-// The header: which instance, whether its data are live, whether it scans and records.
+// The header: instance, connection, scan and recording.
 
 import { byId, setState, setText } from "./elements.js";
 import { fileName, plural, timeOfDay } from "./format.js";
@@ -17,15 +17,15 @@ function describeImages({ image_size_px: size, steps, rate_hz: rate }) {
         parts.push(`${size[0]} × ${size[1]} px`);
     }
     if (rate) {
-        parts.push(`${rate} images/s a camera`);
+        parts.push(`${rate} images/s per camera`);
     }
     if (steps) {
-        parts.push(`${steps} images a window`);
+        parts.push(`${steps} images per window`);
     }
     return parts.join(", ");
 }
 
-/** Shows the state of the connection; what is on the page is greyed as soon as it is not live. */
+/** Shows the state of the connection. The style sheet greys the page while it is not live. */
 export function showConnection(state) {
     setState(document.body, "connection", state.name);
     const connection = byId("connection");
@@ -36,18 +36,18 @@ export function showConnection(state) {
     setText(banner, describeLoss(state));
 }
 
-function describeLoss({ name, why, waitMs, heardAt }) {
+function describeLoss({ name, why, retryMs, receivedAt }) {
     if (name === "stale") {
-        return `No data since ${timeOfDay(heardAt)}. The page shows the state at that time.`;
+        return `No data since ${timeOfDay(receivedAt)}. The page shows the state at that time.`;
     }
     if (name !== "reconnecting") {
         return "";
     }
-    const old = heardAt ? ` The page shows the state at ${timeOfDay(heardAt)}.` : "";
-    return `Not connected: ${why}. Trying again in ${waitMs / 1000} s.${old}`;
+    const old = receivedAt ? ` The page shows the state at ${timeOfDay(receivedAt)}.` : "";
+    return `Not connected: ${why}. Trying again in ${retryMs / 1000} s.${old}`;
 }
 
-/** Shows the state; `preparation` says how far a service is that prepares before the scan can begin. */
+/** Shows the state of the scan. `preparation` is the progress of a service that prepares before the scan can begin. */
 export function showState(state, preparation) {
     const scanning = byId("scanning");
     setState(scanning, "level", state.scanning ? "ok" : "idle");

@@ -1,8 +1,8 @@
-// Rows of a table, changed in place: what somebody reads, selects or points at stays where it is.
+// Rows of a table. They are changed in place, so that selections and tooltips stay.
 
 import { element, setState, setText } from "./elements.js";
 
-/** Shows `rows` of cells `{ text, number, head, badge, level, title }`; `badge` is a class for the text of the cell. */
+/** Shows `rows` of cells `{ text, number, head, badge, level, title }`. `badge` is a class for the text of a cell. */
 export function showRows(body, rows) {
     while (body.rows.length > rows.length) {
         body.lastElementChild.remove();

@@ -1,12 +1,12 @@
-// Light or dark: the system's choice until the operator makes another, which then stays.
+// Light or dark theme: that of the system, until the user chooses another, which is remembered.
 
 const system = matchMedia("(prefers-color-scheme: dark)");
 
 const current = () => document.documentElement.dataset.theme ?? (system.matches ? "dark" : "light");
 
-/** Wires the toggle; `changed` is called whenever colours have become others. */
+/** Connects the button. `changed` is called when the colours have changed. */
 export function startTheme(button, changed) {
-    const label = () => {
+    const updateLabel = () => {
         const other = current() === "dark" ? "light" : "dark";
         button.setAttribute("aria-label", `Change to ${other} colours`);
         button.title = `Change to ${other} colours`;
@@ -15,20 +15,20 @@ export function startTheme(button, changed) {
         const theme = current() === "dark" ? "light" : "dark";
         document.documentElement.dataset.theme = theme;
         remember(theme);
-        label();
+        updateLabel();
         changed();
     });
     system.addEventListener("change", () => {
-        label();
+        updateLabel();
         changed();
     });
-    label();
+    updateLabel();
 }
 
 function remember(theme) {
     try {
         localStorage.setItem("theme", theme);
     } catch {
-        // Without storage the choice lasts as long as the page.
+        // Without storage, the choice lasts until the page is closed.
     }
 }

@@ -1,9 +1,9 @@
-// Where the scanner stands, beside the cloud: whether it is tracked, and how well its pose is known.
+// State of the tracking below the cloud: whether the scanner is tracked, and how well its pose is known.
 
 import { byId, setState, setText } from "./elements.js";
-import { fixed, plural, short, withUnit } from "./format.js";
+import { plural, short, withUnit } from "./format.js";
 
-/** The choice of the model is there where one is made. */
+/** Offers the model if the instance makes one. */
 export function startTracking({ tracked }) {
     byId("cloud-source-choice").hidden = !tracked;
     byId("tracking-state").hidden = !tracked;
@@ -23,7 +23,7 @@ function describe({ state, reason, sd_mm: sd, model_points: points, model_clouds
     const model = `model ${plural(points, "point")} of ${plural(clouds, "cloud")}`;
     switch (state) {
         case "tracked":
-            return `tracked to ${withUnit(short(1000 * sd), "µm")} · ${model}`;
+            return `tracked, sd ${withUnit(short(1000 * sd), "µm")} · ${model}`;
         case "lost":
             return `lost: ${(reason ?? "").replaceAll("_", " ")} · ${model}`;
         default:

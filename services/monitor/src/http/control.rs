@@ -1,4 +1,4 @@
-//! Buttons: commands to the instance.
+//! Commands from the page's buttons to the instance.
 
 use std::time::Duration;
 
@@ -15,24 +15,25 @@ use fringeflow_transport::{Instance, TransportError, request};
 
 use crate::board::state_entry;
 
-use super::server::Answering;
+use super::state::ServerState;
 
-/// How long the supervisor may take to answer.
-const ANSWER: Duration = Duration::from_secs(3);
-/// The media type of a command: one that pages of other origins cannot send unasked.
+/// Time limit for the answer of the supervisor.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
+/// Media type of a command. Browsers do not let pages of other origins send it without permission.
 const MEDIA_TYPE: &str = "application/json";
 
+/// The body of a request.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Wish {
-    command: Wanted,
+struct CommandBody {
+    command: CommandName,
     #[serde(default)]
     text: String,
 }
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Wanted {
+enum CommandName {
     Start,
     Stop,
     Record,
@@ -40,49 +41,49 @@ enum Wanted {
     Mark,
 }
 
-/// Carries out a command, and tells the state after it.
-pub(super) async fn control(State(answering): State<Answering>, headers: HeaderMap, body: Bytes) -> Response {
+/// Sends a command to the supervisor, and answers with the state after it.
+pub(super) async fn control(State(server): State<ServerState>, headers: HeaderMap, body: Bytes) -> Response {
     let is_json = headers.get(CONTENT_TYPE).is_some_and(|value| value.as_bytes().starts_with(MEDIA_TYPE.as_bytes()));
     if !is_json {
         return refuse(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a command must be JSON, sent as application/json");
     }
-    let asked = match parse(&body) {
-        Ok(asked) => asked,
+    let command = match parse(&body) {
+        Ok(command) => command,
         Err(why) => return refuse(StatusCode::BAD_REQUEST, &why),
     };
-    let instance = answering.shared.instance.clone();
-    let answered = tokio::task::spawn_blocking(move || ask(&instance, &asked)).await;
-    match answered {
+    let instance = server.shared.instance.clone();
+    let answer = tokio::task::spawn_blocking(move || send(&instance, &command)).await;
+    match answer {
         Ok(Ok(response)) if response.refused == 0 => {
             reply(StatusCode::OK, &json!({"state": state_entry(&response.state)}))
         }
         Ok(Ok(response)) => refuse(StatusCode::CONFLICT, &response.text.to_text()),
         Ok(Err(error)) => refuse(StatusCode::BAD_GATEWAY, &error.to_string()),
-        Err(_) => refuse(StatusCode::SERVICE_UNAVAILABLE, "the monitor is ending"),
+        Err(_) => refuse(StatusCode::SERVICE_UNAVAILABLE, "the monitor is shutting down"),
     }
 }
 
 fn parse(body: &[u8]) -> Result<ControlRequest, String> {
-    let wish: Wish = serde_json::from_slice(body).map_err(|error| format!("this is not a command: {error}"))?;
-    if !Text::fits(&wish.text) {
+    let body: CommandBody = serde_json::from_slice(body).map_err(|error| format!("this is not a command: {error}"))?;
+    if !Text::fits(&body.text) {
         return Err("the text is too long; give at most 256 bytes".to_owned());
     }
-    // Where a recording goes is for the scanner PC to say, not for a page.
-    if matches!(wish.command, Wanted::Record) && !wish.text.is_empty() {
-        return Err("a recording started here is named by the time; leave out the text".to_owned());
+    // A page must not choose where files are written on the scanner PC.
+    if matches!(body.command, CommandName::Record) && !body.text.is_empty() {
+        return Err("a recording that the page starts is named by the time; leave out the text".to_owned());
     }
-    let command = match wish.command {
-        Wanted::Start => Command::Start,
-        Wanted::Stop => Command::Stop,
-        Wanted::Record => Command::RecordStart,
-        Wanted::EndRecording => Command::RecordStop,
-        Wanted::Mark => Command::Mark,
+    let command = match body.command {
+        CommandName::Start => Command::Start,
+        CommandName::Stop => Command::Stop,
+        CommandName::Record => Command::RecordStart,
+        CommandName::EndRecording => Command::RecordStop,
+        CommandName::Mark => Command::Mark,
     };
-    Ok(ControlRequest { command: command as u32, reserved: 0, text: Text::new(&wish.text) })
+    Ok(ControlRequest { command: command as u32, reserved: 0, text: Text::new(&body.text) })
 }
 
-fn ask(instance: &Instance, asked: &ControlRequest) -> Result<ControlResponse, TransportError> {
-    request(instance, asked, ANSWER)
+fn send(instance: &Instance, command: &ControlRequest) -> Result<ControlResponse, TransportError> {
+    request(instance, command, ANSWER_TIMEOUT)
 }
 
 fn refuse(status: StatusCode, why: &str) -> Response {
@@ -98,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn commands_are_read_and_others_refused() {
+    fn commands_are_parsed_and_anything_else_is_refused() {
         let mark = parse(br#"{"command": "mark", "text": "left ear"}"#).unwrap();
         assert_eq!((mark.command, mark.text.to_text().as_str()), (Command::Mark as u32, "left ear"));
         assert_eq!(parse(br#"{"command": "end-recording"}"#).unwrap().command, Command::RecordStop as u32);

@@ -1,4 +1,4 @@
-//! Who is let in.
+//! Decides which requests are answered, by host, origin and token.
 
 use std::io;
 use std::net::IpAddr;
@@ -12,12 +12,12 @@ use fringeflow_config::MonitorConfiguration;
 /// Name of the cookie that holds the token.
 pub(crate) const COOKIE_NAME: &str = "fringeflow_token";
 /// Fewest characters of a token.
-const TOKEN_LENGTH: usize = 16;
+const MIN_TOKEN_LENGTH: usize = 16;
 
-/// Checks requests.
+/// Checks the heads of requests.
 #[derive(Clone, Debug)]
 pub(crate) struct Guard {
-    /// Names of this machine beside its addresses, in lower case.
+    /// Further names of this machine, in lower case.
     host_names: Vec<String>,
     /// Origins of foreign pages that may connect as viewers.
     viewer_origins: Vec<String>,
@@ -27,7 +27,7 @@ pub(crate) struct Guard {
 /// Why a request is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// It was meant for another host, or for none: as when a foreign name was made to point here.
+    /// The host name is missing or foreign, for example because a foreign name was made to resolve to this address.
     Host,
     /// A page of another origin sent it.
     Origin,
@@ -38,10 +38,10 @@ pub(crate) enum Refusal {
 /// A token that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum TokenError {
-    #[error("{}: the token of the monitor cannot be read: {source}", file.display())]
+    #[error("{}: the monitor's token cannot be read: {source}", file.display())]
     Unreadable { file: PathBuf, source: io::Error },
-    #[error("{}: the token of the monitor needs at least {TOKEN_LENGTH} letters, digits, - or _; make one by: openssl rand -hex 16", file.display())]
-    Unfit { file: PathBuf },
+    #[error("{}: the monitor's token must have at least {MIN_TOKEN_LENGTH} letters, digits, - or _; make one with: openssl rand -hex 16", file.display())]
+    Invalid { file: PathBuf },
 }
 
 impl Refusal {
@@ -67,7 +67,7 @@ impl Refusal {
 }
 
 impl Guard {
-    /// As the configuration says.
+    /// Builds the guard that a configuration describes, and reads its token file.
     pub(crate) fn new(configuration: &MonitorConfiguration) -> Result<Self, TokenError> {
         Ok(Self {
             host_names: configuration.host_names.iter().map(|name| name.to_ascii_lowercase()).collect(),
@@ -76,17 +76,17 @@ impl Guard {
         })
     }
 
-    /// Checks the head of a request to the page that came in at an address of this machine.
+    /// Checks the head of a request to the page. `local` is the address of this machine that it arrived at.
     pub(crate) fn check_page(&self, headers: &HeaderMap, uri: &Uri, local: IpAddr) -> Result<(), Refusal> {
         let host = self.check_host(headers, local)?;
         let is_own = |origin: &str| origin.strip_prefix("http://") == Some(host);
-        if !only(headers, &ORIGIN)?.is_none_or(is_own) {
+        if !single_value(headers, &ORIGIN)?.is_none_or(is_own) {
             return Err(Refusal::Origin);
         }
         self.check_token(headers, uri)
     }
 
-    /// Checks the head of a viewer's request; viewers are pages of other origins, or programs without one.
+    /// Checks the head of a viewer's request. Viewers are pages of other origins, or programs without an origin.
     pub(crate) fn check_viewer(&self, headers: &HeaderMap, uri: &Uri, local: IpAddr) -> Result<(), Refusal> {
         self.check_host(headers, local)?;
         let is_known = |origin: &str| {
@@ -94,20 +94,21 @@ impl Guard {
             let is_here = host.is_some_and(|host| is_loopback_name(without_port(host)));
             is_here || origin == "file://" || self.viewer_origins.iter().any(|known| known == origin)
         };
-        if !only(headers, &ORIGIN)?.is_none_or(is_known) {
+        if !single_value(headers, &ORIGIN)?.is_none_or(is_known) {
             return Err(Refusal::Origin);
         }
         self.check_token(headers, uri)
     }
 
-    /// The token of a query such as `?token=T`, if it is right.
+    /// Returns the token of a query such as `?token=T` if it is valid.
     pub(crate) fn token_of_query<'u>(&self, uri: &'u Uri) -> Option<&'u str> {
         let query = uri.query()?.split('&').find_map(|pair| pair.strip_prefix("token="))?;
         self.is_token(query).then_some(query)
     }
 
+    /// Checks that the host is an address or a name of this machine, and returns it.
     fn check_host<'h>(&self, headers: &'h HeaderMap, local: IpAddr) -> Result<&'h str, Refusal> {
-        let host = only(headers, &HOST).ok().flatten().ok_or(Refusal::Host)?;
+        let host = single_value(headers, &HOST).ok().flatten().ok_or(Refusal::Host)?;
         let name = without_port(host).to_ascii_lowercase();
         let is_local = name.trim_matches(['[', ']']).parse() == Ok(local);
         let is_known = is_local || (local.is_loopback() && is_loopback_name(&name)) || self.host_names.contains(&name);
@@ -118,26 +119,26 @@ impl Guard {
         if self.token.is_none() {
             return Ok(());
         }
-        let bearer = only(headers, &AUTHORIZATION)?.and_then(|value| value.strip_prefix("Bearer "));
-        let cookies = only(headers, &COOKIE)?.unwrap_or_default().split(';').map(str::trim);
+        let bearer = single_value(headers, &AUTHORIZATION)?.and_then(|value| value.strip_prefix("Bearer "));
+        let cookies = single_value(headers, &COOKIE)?.unwrap_or_default().split(';').map(str::trim);
         let cookie = cookies.filter_map(|cookie| cookie.split_once('=')).find(|(name, _)| *name == COOKIE_NAME);
-        let shown = [bearer, cookie.map(|(_, token)| token)];
+        let given = [bearer, cookie.map(|(_, token)| token)];
         let is_right =
-            shown.into_iter().flatten().any(|token| self.is_token(token)) || self.token_of_query(uri).is_some();
+            given.into_iter().flatten().any(|token| self.is_token(token)) || self.token_of_query(uri).is_some();
         is_right.then_some(()).ok_or(Refusal::Token)
     }
 
-    /// Whether it is the token; how long that takes does not tell how much of it is right.
-    fn is_token(&self, shown: &str) -> bool {
+    /// Whether the text is the token. The time this takes does not reveal how many characters match.
+    fn is_token(&self, given: &str) -> bool {
         let Some(token) = &self.token else { return false };
-        let pairs = token.bytes().zip(shown.bytes().chain(std::iter::repeat(0)));
+        let pairs = token.bytes().zip(given.bytes().chain(std::iter::repeat(0)));
         let difference = pairs.fold(0, |difference, (a, b)| difference | (a ^ b));
-        difference == 0 && token.len() == shown.len()
+        difference == 0 && token.len() == given.len()
     }
 }
 
-/// The value of a header that may be there once.
-fn only<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Refusal> {
+/// Returns the value of a header that may occur once; `None` if it is missing.
+fn single_value<'h>(headers: &'h HeaderMap, name: &HeaderName) -> Result<Option<&'h str>, Refusal> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {
         (None, _) => Ok(None),
@@ -162,8 +163,8 @@ fn read_token(file: &PathBuf) -> Result<String, TokenError> {
     let text = std::fs::read_to_string(file).map_err(|source| TokenError::Unreadable { file: file.clone(), source })?;
     let token = text.trim();
     let is_plain = token.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_'));
-    if token.len() < TOKEN_LENGTH || !is_plain {
-        return Err(TokenError::Unfit { file: file.clone() });
+    if token.len() < MIN_TOKEN_LENGTH || !is_plain {
+        return Err(TokenError::Invalid { file: file.clone() });
     }
     Ok(token.to_owned())
 }
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn only_names_of_this_machine_are_answered() {
+    fn only_names_of_this_machine_are_accepted() {
         let guard = guard(None);
         for host in ["127.0.0.1:8780", "localhost:8780", "LOCALHOST", "[::1]:8780", "scanner.local:8780"] {
             assert_eq!(page(&guard, &[(HOST, host)], "/"), Ok(()), "{host}");
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn another_address_is_answered_where_it_is_the_one_asked() {
+    fn another_address_is_accepted_if_the_request_arrived_there() {
         let other: IpAddr = "192.168.1.7".parse().unwrap();
         let check = |host| guard(None).check_page(&headers(&[(HOST, host)]), &"/".parse().unwrap(), other);
         assert_eq!(check("192.168.1.7:8780"), Ok(()));
@@ -215,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn pages_of_other_origins_are_refused_but_known_viewers() {
+    fn pages_of_other_origins_are_refused_except_known_viewers() {
         let guard = guard(None);
         let both = |origin| {
             let headers = headers(&[(HOST, "localhost:8780"), (ORIGIN, origin)]);
@@ -235,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_token_is_shown_in_one_of_three_ways() {
+    fn a_token_is_accepted_as_bearer_cookie_or_query() {
         let guard = guard(Some(TOKEN));
         let host = (HOST, "localhost");
         let only_host = std::slice::from_ref(&host);
@@ -251,13 +252,13 @@ mod tests {
     }
 
     #[test]
-    fn tokens_that_are_short_or_odd_are_refused() {
+    fn short_tokens_and_other_characters_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("token");
         assert!(read_token(&file).unwrap_err().to_string().contains("cannot be read"));
-        for unfit in ["short", "0123456789abcde\n", "0123456789 abcdef"] {
-            std::fs::write(&file, unfit).unwrap();
-            assert!(matches!(read_token(&file), Err(TokenError::Unfit { .. })), "{unfit}");
+        for invalid in ["short", "0123456789abcde\n", "0123456789 abcdef"] {
+            std::fs::write(&file, invalid).unwrap();
+            assert!(matches!(read_token(&file), Err(TokenError::Invalid { .. })), "{invalid}");
         }
         std::fs::write(&file, format!("{TOKEN}\n")).unwrap();
         assert_eq!(read_token(&file).unwrap(), TOKEN);

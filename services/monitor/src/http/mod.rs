@@ -1,13 +1,14 @@
-//! The server of the page and of the metrics.
+//! The HTTP server of the page and of the metrics.
 //!
-//! Bounded in everything: connections, bytes and seconds of a request's head, bytes of its body. Who asks under a foreign
-//! name, or from a page of another origin, is refused before anything is looked at.
+//! Everything is limited: the number of connections, the size and time of a request's head, the size of its body.
+//! Requests for a foreign host name, or from a page of another origin, are refused before anything else is done.
 
 mod control;
 mod guard;
 mod live;
 mod page;
 mod server;
+mod state;
 
 pub(crate) use guard::Guard;
 pub(crate) use server::{Server, bind, local_ip};

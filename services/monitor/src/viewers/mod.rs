@@ -1,7 +1,7 @@
-//! The live view of Foxglove, Lichtblick and Rerun: the topics of a recording, as they come.
+//! The live view for Foxglove, Lichtblick and Rerun: the topics of a recording, sent live.
 //!
-//! Images and clouds are thinned out to some a second, and nothing is encoded that nobody has subscribed to. The server is that
-//! of the Foxglove SDK, which listens where only [`front`] finds it.
+//! Viewers get a few images and clouds per second. A topic is encoded only while a viewer has subscribed to it. The
+//! server is that of the Foxglove SDK; clients reach it only through [`front`].
 
 mod front;
 
@@ -15,12 +15,12 @@ use fringeflow_recording::{Encoded, Recordable, Topic, static_messages};
 
 pub(crate) use front::serve;
 
-/// Time between two messages that say what does not change: whoever comes later gets them too, nanoseconds.
-const STANDING_NS: u64 = 2_000_000_000;
+/// Time between two messages on static topics, nanoseconds. Repeating them serves viewers that connect later.
+const STATIC_PERIOD_NS: u64 = 2_000_000_000;
 /// Encoding of all messages.
 const ENCODING: &str = "protobuf";
 
-/// The topics that viewers are offered.
+/// The topics that are offered to viewers.
 const TOPICS: [Topic; 15] = [
     Topic::Cam1Frame,
     Topic::Cam1Header,
@@ -39,14 +39,15 @@ const TOPICS: [Topic; 15] = [
     Topic::Cam2Calibration,
 ];
 
-/// What viewers are sent.
+/// Sends messages to the viewers.
 #[derive(Debug)]
 pub(crate) struct Viewers {
-    /// Where the server finds the channels.
+    /// Connects the channels with the server of the SDK.
     context: Arc<Context>,
     channels: BTreeMap<Topic, Arc<RawChannel>>,
     encoded: Encoded,
-    standing_ns: u64,
+    /// Time of the last static messages.
+    static_sent_ns: u64,
 }
 
 impl Viewers {
@@ -57,35 +58,37 @@ impl Viewers {
             Ok((topic, channel.schema(topic.schema()).build_raw()?))
         };
         let channels = TOPICS.into_iter().map(channel).collect::<Result<_, FoxgloveError>>()?;
-        Ok(Self { context, channels, encoded: Encoded::default(), standing_ns: 0 })
+        Ok(Self { context, channels, encoded: Encoded::default(), static_sent_ns: 0 })
     }
 
     pub(crate) fn context(&self) -> &Arc<Context> {
         &self.context
     }
 
-    /// Whether somebody has subscribed to a topic, or to the headers of it.
-    pub(crate) fn want(&self, topic: Topic) -> bool {
-        let is_wanted = |topic| self.channels.get(&topic).is_some_and(|channel| channel.has_sinks());
-        is_wanted(topic) || topic.header().is_some_and(is_wanted)
+    /// Whether a viewer has subscribed to a topic, or to the topic of its headers.
+    pub(crate) fn is_wanted(&self, topic: Topic) -> bool {
+        let has_subscribers = |topic| self.channels.get(&topic).is_some_and(|channel| channel.has_sinks());
+        has_subscribers(topic) || topic.header().is_some_and(has_subscribers)
     }
 
-    /// Sends a message to whoever wants it.
+    /// Sends a message to the viewers that have subscribed to its topic.
     pub(crate) fn send(&mut self, message: &Recordable<'_>) {
-        let Some(topic) = message.topic().filter(|&topic| self.want(topic)) else { return };
+        let Some(topic) = message.topic().filter(|&topic| self.is_wanted(topic)) else { return };
         message.encode(&mut self.encoded);
         for (topic, bytes) in self.encoded.parts(topic) {
             self.send_bytes(topic, bytes, message.log_ns());
         }
     }
 
-    /// Sends what does not change, when it is due.
-    pub(crate) fn send_standing(&mut self, setup: &Setup, now_ns: u64) {
-        if now_ns.saturating_sub(self.standing_ns) < STANDING_NS {
+    /// Sends transforms and calibrations if they are due and wanted.
+    pub(crate) fn send_static(&mut self, setup: &Setup, now_ns: u64) {
+        if now_ns.saturating_sub(self.static_sent_ns) < STATIC_PERIOD_NS {
             return;
         }
-        self.standing_ns = now_ns;
-        if [Topic::Transforms, Topic::Cam1Calibration, Topic::Cam2Calibration].into_iter().any(|topic| self.want(topic))
+        self.static_sent_ns = now_ns;
+        if [Topic::Transforms, Topic::Cam1Calibration, Topic::Cam2Calibration]
+            .into_iter()
+            .any(|topic| self.is_wanted(topic))
         {
             for (topic, bytes) in static_messages(setup, now_ns) {
                 self.send_bytes(topic, &bytes, now_ns);
@@ -108,7 +111,7 @@ mod tests {
     const LAYOUT: &str = include_str!("../../../../configs/foxglove-layout.json");
     const SCHEMA: &str = include_str!("../../../../crates/recording/src/schema/fringeflow.proto");
 
-    /// All texts of a JSON value that begin with a slash, keys included: topics, and paths into their messages.
+    /// All strings of a JSON value that begin with a slash, keys included: topics, and paths into their messages.
     fn paths(value: &Value) -> Vec<String> {
         match value {
             Value::String(text) if text.starts_with('/') => vec![text.clone()],
@@ -122,14 +125,14 @@ mod tests {
     }
 
     #[test]
-    fn the_layout_shows_topics_and_fields_that_there_are() {
+    fn the_layout_shows_topics_and_fields_that_exist() {
         let paths = paths(&serde_json::from_str(LAYOUT).unwrap());
         assert!(paths.len() > 10, "{paths:?}");
         for path in paths {
             let topic = path.split(['.', '{']).next().unwrap();
-            let known = Topic::from_name(topic).unwrap_or_else(|| panic!("{topic} is no topic"));
+            let known = Topic::from_name(topic).unwrap_or_else(|| panic!("{topic} is not a topic"));
             assert!(TOPICS.contains(&known), "{topic} is not offered live");
-            // Behind conditions in braces, the fields.
+            // The fields follow the conditions in braces.
             let fields = path[topic.len()..].rsplit('}').next().unwrap().split('.').filter(|field| !field.is_empty());
             for field in fields {
                 assert!(SCHEMA.contains(&format!(" {field} = ")), "{path}: there is no field {field}");
@@ -138,8 +141,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_wanted_without_viewers() {
+    fn no_topic_is_wanted_without_viewers() {
         let viewers = Viewers::new().unwrap();
-        assert!(TOPICS.into_iter().all(|topic| !viewers.want(topic)));
+        assert!(TOPICS.into_iter().all(|topic| !viewers.is_wanted(topic)));
     }
 }

@@ -1,4 +1,4 @@
-//! One event as one line.
+//! Writes one event as one line.
 
 use std::fmt::{self, Debug, Write};
 
@@ -9,26 +9,26 @@ use tracing::field::{Field, Visit};
 /// Name of the field that holds the message.
 const MESSAGE: &str = "message";
 
-/// What an event says.
+/// Message and fields of an event.
 #[derive(Default)]
-pub(super) struct Said {
-    /// As people read it: the message, then the fields.
+pub(super) struct EventContent {
+    /// Text form: the message, then the fields.
     pub(super) text: String,
     message: String,
     fields: Map<String, Value>,
 }
 
-/// What stands in a line beside what the event says.
-pub(super) struct Circumstances<'a> {
+/// The other parts of a line.
+pub(super) struct LineContext<'a> {
     pub(super) time: &'a str,
     pub(super) level: Level,
     pub(super) process: &'a str,
-    /// How often the event was left out before.
+    /// How often the event was left out since its previous line.
     pub(super) left_out: u64,
 }
 
-impl Said {
-    fn take(&mut self, field: &Field, text: &dyn fmt::Display, value: Value) {
+impl EventContent {
+    fn add(&mut self, field: &Field, text: &dyn fmt::Display, value: Value) {
         // Writing to a string never fails.
         if field.name() == MESSAGE {
             let fields = std::mem::take(&mut self.text);
@@ -40,66 +40,67 @@ impl Said {
         }
     }
 
-    /// The line for people.
-    pub(super) fn write_text(&self, out: &mut impl Write, about: &Circumstances<'_>) -> fmt::Result {
-        write!(out, "{} {:>5} {}", about.time, about.level, self.text.trim_start())?;
-        if about.left_out > 0 {
-            write!(out, " ({} times more since)", about.left_out)?;
+    /// Writes the line as text.
+    pub(super) fn write_text(&self, out: &mut impl Write, context: &LineContext<'_>) -> fmt::Result {
+        write!(out, "{} {:>5} {}", context.time, context.level, self.text.trim_start())?;
+        if context.left_out > 0 {
+            write!(out, " ({} repeats left out)", context.left_out)?;
         }
         writeln!(out)
     }
 
-    /// The line for programs.
-    pub(super) fn write_json(self, out: &mut impl Write, about: &Circumstances<'_>) -> fmt::Result {
+    /// Writes the line as a JSON object.
+    pub(super) fn write_json(self, out: &mut impl Write, context: &LineContext<'_>) -> fmt::Result {
         let mut line = Map::new();
-        line.insert("time".to_owned(), about.time.into());
-        line.insert("level".to_owned(), about.level.as_str().into());
-        line.insert("process".to_owned(), about.process.into());
+        line.insert("time".to_owned(), context.time.into());
+        line.insert("level".to_owned(), context.level.as_str().into());
+        line.insert("process".to_owned(), context.process.into());
         line.insert(MESSAGE.to_owned(), self.message.into());
         line.insert("fields".to_owned(), self.fields.into());
-        if about.left_out > 0 {
-            line.insert("repeated".to_owned(), about.left_out.into());
+        if context.left_out > 0 {
+            line.insert("repeated".to_owned(), context.left_out.into());
         }
         writeln!(out, "{}", Value::Object(line))
     }
 }
 
-impl Visit for Said {
+impl Visit for EventContent {
     fn record_debug(&mut self, field: &Field, value: &dyn Debug) {
         let text = format!("{value:?}");
-        self.take(field, &text, text.as_str().into());
+        self.add(field, &text, text.as_str().into());
     }
 
     fn record_str(&mut self, field: &Field, value: &str) {
-        // Quoted, so that one with blanks is told from two fields; a message stands by itself.
+        // Fields are quoted: their values may contain spaces.
         if field.name() == MESSAGE {
-            self.take(field, &value, value.into());
+            self.add(field, &value, value.into());
         } else {
-            self.take(field, &format_args!("{value:?}"), value.into());
+            self.add(field, &format_args!("{value:?}"), value.into());
         }
     }
 
     fn record_u64(&mut self, field: &Field, value: u64) {
-        self.take(field, &value, value.into());
+        self.add(field, &value, value.into());
     }
 
     fn record_i64(&mut self, field: &Field, value: i64) {
-        self.take(field, &value, value.into());
+        self.add(field, &value, value.into());
     }
 
     fn record_f64(&mut self, field: &Field, value: f64) {
-        // What is no number for JSON is a text.
+        // JSON has no NaN and no infinity; they become strings.
         let number = Value::from(value);
         let number = if number.is_null() { value.to_string().into() } else { number };
-        self.take(field, &value, number);
+        self.add(field, &value, number);
     }
 
     fn record_bool(&mut self, field: &Field, value: bool) {
-        self.take(field, &value, value.into());
+        self.add(field, &value, value.into());
     }
 }
 
-/// A text of one line, which moves no cursor: names of devices and files are not ours.
+/// Escapes control characters. Names of devices and files may contain some, and would break the line or move the
+/// cursor.
 struct Escaped<'a>(&'a dyn fmt::Display);
 
 impl fmt::Display for Escaped<'_> {

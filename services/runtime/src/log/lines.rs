@@ -1,4 +1,4 @@
-//! Events to lines, those that repeat themselves left out.
+//! Formats events as lines, and leaves out repeated ones.
 
 use std::fmt;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -10,55 +10,55 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
-use super::LogFormat;
-use super::line::{Circumstances, Said};
-use super::repeats::Repeats;
+use super::format::LogFormat;
+use super::line::{EventContent, LineContext};
+use super::repeats::RepeatFilter;
 use crate::clock::now_ns;
 
-/// Formats events; one that is left out becomes nothing.
+/// Formats events. An event that is left out becomes an empty text.
 #[derive(Debug)]
-pub(super) struct Lines {
+pub(super) struct LineFormatter {
     format: LogFormat,
     process: &'static str,
-    repeats: Mutex<Repeats>,
+    repeats: Mutex<RepeatFilter>,
     now_ns: fn() -> u64,
 }
 
-impl Lines {
+impl LineFormatter {
     pub(super) fn new(format: LogFormat, process: &'static str) -> Self {
         Self { format, process, repeats: Mutex::default(), now_ns }
     }
 
-    /// How often an event was left out before; `None` if it is to be left out.
-    fn say(&self, event: &Event<'_>, said: &Said) -> Option<u64> {
-        // Each is about an item of its own, and so many would push out all others.
+    /// Returns how often an event was left out since its previous line, or `None` if it is left out now.
+    fn admit(&self, event: &Event<'_>, content: &EventContent) -> Option<u64> {
+        // Each trace event is about another item; so many would displace all others in the filter.
         if *event.metadata().level() == Level::TRACE {
             return Some(0);
         }
         let mut hash = DefaultHasher::new();
         event.metadata().callsite().hash(&mut hash);
-        said.text.hash(&mut hash);
+        content.text.hash(&mut hash);
         let mut repeats = self.repeats.lock().unwrap_or_else(PoisonError::into_inner);
-        repeats.say(hash.finish(), (self.now_ns)())
+        repeats.admit(hash.finish(), (self.now_ns)())
     }
 }
 
-impl<S, N> FormatEvent<S, N> for Lines
+impl<S, N> FormatEvent<S, N> for LineFormatter
 where
     S: Subscriber + for<'a> LookupSpan<'a>,
     N: for<'a> FormatFields<'a> + 'static,
 {
     fn format_event(&self, _: &FmtContext<'_, S, N>, mut out: Writer<'_>, event: &Event<'_>) -> fmt::Result {
-        let mut said = Said::default();
-        event.record(&mut said);
-        let Some(left_out) = self.say(event, &said) else { return Ok(()) };
+        let mut content = EventContent::default();
+        event.record(&mut content);
+        let Some(left_out) = self.admit(event, &content) else { return Ok(()) };
         let mut time = String::new();
         SystemTime.format_time(&mut Writer::new(&mut time))?;
         let (level, process) = (*event.metadata().level(), self.process);
-        let about = Circumstances { time: &time, level, process, left_out };
+        let context = LineContext { time: &time, level, process, left_out };
         match self.format {
-            LogFormat::Text => said.write_text(&mut out, &about),
-            LogFormat::Json => said.write_json(&mut out, &about),
+            LogFormat::Text => content.write_text(&mut out, &context),
+            LogFormat::Json => content.write_json(&mut out, &context),
         }
     }
 }
@@ -92,13 +92,13 @@ mod tests {
         }
     }
 
-    /// The lines that come of some events; the times at their beginning are left out.
+    /// Returns the log lines of some events, without the times at the start of text lines.
     fn lines(format: LogFormat, events: impl FnOnce()) -> Vec<String> {
         let written = Written::default();
         let writer = written.clone();
-        let lines = Lines { now_ns: || NOW_NS.get(), ..Lines::new(format, "phase") };
+        let formatter = LineFormatter { now_ns: || NOW_NS.get(), ..LineFormatter::new(format, "phase") };
         let subscriber = tracing_subscriber::fmt().with_max_level(Level::TRACE).with_writer(move || writer.clone());
-        tracing::subscriber::with_default(subscriber.event_format(lines).finish(), events);
+        tracing::subscriber::with_default(subscriber.event_format(formatter).finish(), events);
         let text = String::from_utf8(written.0.lock().unwrap().clone()).unwrap();
         let without_time = |line: &str| match format {
             LogFormat::Text => line.split_once(' ').unwrap().1.to_owned(),
@@ -109,13 +109,13 @@ mod tests {
 
     #[test]
     fn an_event_is_one_line() {
-        let said = lines(LogFormat::Text, || {
+        let written = lines(LogFormat::Text, || {
             tracing::info!(service = "phase", count = 3, ok = true, "came\nback");
             tracing::warn!(error = %"a\u{1b}[2Jb", "no report");
             tracing::error!("disk full");
         });
         assert_eq!(
-            said,
+            written,
             [
                 r#" INFO came\nback service="phase" count=3 ok=true"#,
                 r" WARN no report error=a\u{1b}[2Jb",
@@ -125,11 +125,11 @@ mod tests {
     }
 
     #[test]
-    fn json_keeps_the_types_and_every_name() {
-        let said = lines(LogFormat::Json, || {
+    fn json_keeps_types_and_names() {
+        let written = lines(LogFormat::Json, || {
             tracing::warn!(service = "phase", count = 3, sd = 0.5, not = f64::NAN, level = "own", "it is\n{}", "gone");
         });
-        let line: Value = serde_json::from_str(&said[0]).unwrap();
+        let line: Value = serde_json::from_str(&written[0]).unwrap();
         assert_eq!(
             (&line["level"], &line["process"], &line["message"]),
             (&"WARN".into(), &"phase".into(), &"it is\ngone".into())
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_repeats_itself_is_counted() {
+    fn repeats_are_left_out_and_counted() {
         let repeated = || {
             for second in 0..12 {
                 NOW_NS.set(second * SECOND_NS);
@@ -148,19 +148,20 @@ mod tests {
                 tracing::warn!(frame = second, "no image");
             }
         };
-        let said = lines(LogFormat::Text, repeated);
-        let of_one: Vec<_> = said.iter().filter(|line| line.contains("camera")).collect();
-        assert_eq!(of_one, [" WARN no image camera=1", " WARN no image camera=1 (9 times more since)"]);
-        assert_eq!(said.len(), 2 + 12);
-        let said = lines(LogFormat::Json, repeated);
-        let numbers = said.iter().filter_map(|line| serde_json::from_str::<Value>(line).unwrap()["repeated"].as_u64());
+        let written = lines(LogFormat::Text, repeated);
+        let with_camera: Vec<_> = written.iter().filter(|line| line.contains("camera")).collect();
+        assert_eq!(with_camera, [" WARN no image camera=1", " WARN no image camera=1 (9 repeats left out)"]);
+        assert_eq!(written.len(), 2 + 12);
+        let written = lines(LogFormat::Json, repeated);
+        let numbers =
+            written.iter().filter_map(|line| serde_json::from_str::<Value>(line).unwrap()["repeated"].as_u64());
         assert_eq!(numbers.collect::<Vec<_>>(), [9]);
     }
 
     #[test]
-    fn every_item_is_told_at_the_lowest_level() {
+    fn trace_events_are_never_left_out() {
         NOW_NS.set(0);
-        let said = lines(LogFormat::Text, || (0..3).for_each(|_| tracing::trace!("item")));
-        assert_eq!(said, ["TRACE item"; 3]);
+        let written = lines(LogFormat::Text, || (0..3).for_each(|_| tracing::trace!("item")));
+        assert_eq!(written, ["TRACE item"; 3]);
     }
 }

@@ -1,10 +1,11 @@
-//! Log lines: one line an event, to standard error, as text or as JSON.
+//! Log lines: one line per event, to standard error, as text or as JSON.
 //!
-//! Levels are meant for readers. `error`: a person has to do something. `warn`: something was lost, or was survived that
-//! should not happen. `info`: what begins and ends. `debug`: what helps to find a fault. `trace`: each item of each stage.
-//! `FRINGEFLOW_LOG` chooses, as in `FRINGEFLOW_LOG=debug`. A message that comes again within ten seconds is counted instead, and
-//! the next line with it states the number. Only `trace` writes all.
+//! The levels: `error`: a person has to act. `warn`: something was lost, or a fault was handled. `info`: starts and
+//! ends. `debug`: details for finding a fault. `trace`: each item of each stage. `FRINGEFLOW_LOG` sets the level, as in
+//! `FRINGEFLOW_LOG=debug`. An event that repeats within ten seconds is left out, and its next line states how often.
+//! Events of level `trace` are never left out.
 
+mod format;
 mod line;
 mod lines;
 mod output;
@@ -13,51 +14,31 @@ mod repeats;
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
 
-use lines::Lines;
+use lines::LineFormatter;
 use output::Output;
 
-pub use output::{Diversion, divert, pass_on};
+pub use format::LogFormat;
+pub use output::{Redirection, forward_line, redirect};
 
-/// Environment variable that sets the level, as in `FRINGEFLOW_LOG=debug`.
-const LEVEL: &str = "FRINGEFLOW_LOG";
-/// Environment variable that sets the format where the command line does not.
-const FORMAT: &str = "FRINGEFLOW_LOG_FORMAT";
+/// Environment variable that sets the level.
+const LEVEL_VARIABLE: &str = "FRINGEFLOW_LOG";
+/// Environment variable that sets the format if the command line does not.
+const FORMAT_VARIABLE: &str = "FRINGEFLOW_LOG_FORMAT";
 
-/// How log lines are written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum LogFormat {
-    /// Lines for people: time, level, message, fields.
-    #[default]
-    Text,
-    /// Lines for programs: one JSON object each, with time, level, process, message, fields, and repeated, the number of lines
-    /// left out before.
-    Json,
-}
-
-impl LogFormat {
-    /// Its name on the command line and in the environment.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Text => "text",
-            Self::Json => "json",
-        }
-    }
-}
-
-/// Starts logging in a process that calls itself so; without a format, that of the environment is used. A level that cannot
-/// be read counts as `info`.
+/// Starts the log of this process, whose name appears in JSON lines. The default format is that of the environment. An
+/// invalid level counts as `info`.
 pub fn start(process: &'static str, format: Option<LogFormat>) {
-    let asked = std::env::var(FORMAT).ok();
+    let asked = std::env::var(FORMAT_VARIABLE).ok();
     let known = asked.as_deref().and_then(|name| LogFormat::from_str(name, true).ok());
     let format = format.or(known).unwrap_or_default();
-    let filter = EnvFilter::try_from_env(LEVEL).unwrap_or_else(|_| EnvFilter::new("info,iceoryx2=error,foxglove=warn"));
+    let filter =
+        EnvFilter::try_from_env(LEVEL_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info,iceoryx2=error,foxglove=warn"));
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| Output);
-    // A log that cannot be written must not end the process, as telling so on standard error would.
-    let subscriber = subscriber.log_internal_errors(false).event_format(Lines::new(format, process));
-    // Only the first start in a process counts.
+    // A log that cannot be written must not end the process, as reporting that on standard error would.
+    let subscriber = subscriber.log_internal_errors(false).event_format(LineFormatter::new(format, process));
+    // Only the first call in a process takes effect.
     let is_first = subscriber.try_init().is_ok();
     if let Some(asked) = asked.filter(|_| is_first && known.is_none()) {
-        tracing::warn!("{FORMAT}={asked} is not a format; use text or json");
+        tracing::warn!("{FORMAT_VARIABLE}={asked} is not a log format; use text or json");
     }
 }

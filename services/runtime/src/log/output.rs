@@ -1,47 +1,47 @@
-//! Where log lines go: standard error, or whoever draws on its terminal.
+//! Destination of log lines: standard error, or a redirection, as for a progress display on the same terminal.
 
 use std::io::{self, Write, stderr};
 use std::sync::{PoisonError, RwLock};
 
-/// Takes a line with its end.
-type Taker = Box<dyn Fn(&[u8]) -> io::Result<()> + Send + Sync>;
+/// Receives a line with its line end.
+type LineSink = Box<dyn Fn(&[u8]) -> io::Result<()> + Send + Sync>;
 
-static DIVERTED: RwLock<Option<Taker>> = RwLock::new(None);
+static REDIRECTED: RwLock<Option<LineSink>> = RwLock::new(None);
 
-/// Lines go elsewhere until it is dropped.
+/// Redirects log lines until it is dropped.
 #[derive(Debug)]
-#[must_use = "lines go elsewhere until it is dropped"]
-pub struct Diversion(());
+#[must_use = "the redirection ends when this is dropped"]
+pub struct Redirection(());
 
-/// Gives the lines of this process, and those that it passes on, to someone else.
-pub fn divert(to: impl Fn(&[u8]) -> io::Result<()> + Send + Sync + 'static) -> Diversion {
-    set(Some(Box::new(to)));
-    Diversion(())
+/// Redirects the log lines of this process, and those that it forwards, to `sink`.
+pub fn redirect(sink: impl Fn(&[u8]) -> io::Result<()> + Send + Sync + 'static) -> Redirection {
+    set_sink(Some(Box::new(sink)));
+    Redirection(())
 }
 
-/// Passes a line of another process on, with its end.
-pub fn pass_on(line: &[u8]) {
-    // Nobody could be told.
+/// Writes a log line of another process; the line includes its line end.
+pub fn forward_line(line: &[u8]) {
+    // The error is ignored: the log is the place to report it.
     let _ = Output.write_all(line);
 }
 
-impl Drop for Diversion {
+impl Drop for Redirection {
     fn drop(&mut self) {
-        set(None);
+        set_sink(None);
     }
 }
 
-fn set(taker: Option<Taker>) {
-    *DIVERTED.write().unwrap_or_else(PoisonError::into_inner) = taker;
+fn set_sink(sink: Option<LineSink>) {
+    *REDIRECTED.write().unwrap_or_else(PoisonError::into_inner) = sink;
 }
 
-/// Writes whole lines.
+/// Writes whole lines to the present destination.
 pub(super) struct Output;
 
 impl Write for Output {
     fn write(&mut self, line: &[u8]) -> io::Result<usize> {
-        match &*DIVERTED.read().unwrap_or_else(PoisonError::into_inner) {
-            Some(taker) => taker(line)?,
+        match &*REDIRECTED.read().unwrap_or_else(PoisonError::into_inner) {
+            Some(sink) => sink(line)?,
             None => stderr().write_all(line)?,
         }
         Ok(line.len())

@@ -1,36 +1,36 @@
-//! Memory that stays in RAM: what was used once is never waited for again.
+//! Locks memory in RAM, so that a page that was used once causes no page fault later.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::process::{Resource, getrlimit};
 use rustix::thread::{CapabilitySet, capabilities};
 
-/// What is locked.
+/// The pages that are locked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Extent {
-    /// Whatever was used once.
+    /// Pages after their first use.
     Used,
-    /// All, used or not.
+    /// All pages, used or not.
     All,
 }
 
-/// Locks the memory that this process has and will have.
+/// Locks the present and future memory of this process.
 ///
 /// # Errors
-/// The system does not grant it; why, and what to do.
+/// The system refuses; the text states the reason and the remedy.
 pub(super) fn lock(extent: Extent) -> Result<(), String> {
-    let remedy = "grant it by a line `USER - memlock unlimited` in /etc/security/limits.conf (`LimitMEMLOCK=infinity` in a \
-                  systemd unit), then log in again; `ulimit -l` shows the limit";
-    // Within a limit the lock would be granted now, and memory refused later, in the middle of the work.
-    if let Some(limit) = getrlimit(Resource::Memlock).current.filter(|_| !may_lock_all()) {
+    let remedy = "grant it with the line `USER - memlock unlimited` in /etc/security/limits.conf \
+                  (`LimitMEMLOCK=infinity` in a systemd unit), then log in again; `ulimit -l` shows the limit";
+    // With a limit the lock would succeed now, and allocations would fail later, while the service works.
+    if let Some(limit) = getrlimit(Resource::Memlock).current.filter(|_| !may_exceed_limit()) {
         return Err(format!("lock_memory: only {} KiB may be locked; {remedy}", limit / 1024));
     }
     let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE;
     let flags = if extent == Extent::Used { flags | MlockAllFlags::ONFAULT } else { flags };
-    mlockall(flags).map_err(|why| format!("lock_memory: {why}; {remedy}"))
+    mlockall(flags).map_err(|error| format!("lock_memory: {error}; {remedy}"))
 }
 
-/// Whether the limit does not count for this process.
-fn may_lock_all() -> bool {
+/// Returns whether the limit does not apply to this process.
+fn may_exceed_limit() -> bool {
     capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK))
 }
 
@@ -38,7 +38,7 @@ fn may_lock_all() -> bool {
 mod tests {
     use super::*;
 
-    /// Locked memory as the system tells it.
+    /// Reads the size of the locked memory from `/proc`.
     fn locked_kib() -> u64 {
         let status = std::fs::read_to_string("/proc/self/status").unwrap();
         let line = status.lines().find_map(|line| line.strip_prefix("VmLck:")).unwrap();
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_locked_or_the_remedy_told() {
+    fn memory_is_locked_or_the_error_names_the_remedy() {
         match lock(Extent::Used) {
             Ok(()) => {
                 assert!(locked_kib() > 0);

@@ -1,8 +1,9 @@
-//! What the configuration gives a service of the machine: taken by the service itself when it starts, so that one that is
-//! started again has it too.
+//! CPUs, threads, priority and locked memory of a service. The service applies them itself when it starts, so they hold
+//! after a restart too.
 //!
-//! CPUs are for the configuration to get right: those that do not exist refuse the start. Priority and locked memory are for
-//! the system to grant: where it does not, the service says so and goes on, and `fringeflow status` tells it.
+//! CPUs that this process may not use are an error in the configuration, and the service does not start. Priority and
+//! locked memory need rights. If the system refuses them, the service runs without them and logs that;
+//! `fringeflow status` shows it too.
 
 mod affinity;
 mod memory;
@@ -12,47 +13,48 @@ mod standing;
 use fringeflow_config::{MemoryLock, ProcessorsConfiguration, ServiceProcessors};
 
 pub use affinity::{AffinityError, check};
-pub use standing::Standing;
+pub use standing::ResourceGrants;
 
-/// Lets this process compute with so many threads, this one among them: what others give to the pool waits for one of them.
+/// Sets the number of threads that this process computes with; the calling thread is one of them. Tasks that other
+/// threads give to the thread pool wait for one of these threads.
 ///
 /// # Errors
-/// The threads were started before.
+/// The thread pool was already started.
 pub fn use_threads(threads: usize) -> Result<(), rayon::ThreadPoolBuildError> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build_global()
 }
 
-/// Takes what a service is given, for this thread and those that it starts from now on; what came of it, `None` where
-/// nothing is said of the service.
+/// Applies the settings of a service to this thread and the threads that it starts later. Returns the granted and
+/// refused resources, or `None` if the service has no settings.
 ///
 /// # Errors
-/// CPUs that this process may not use.
-pub(crate) fn take(
-    given: &ProcessorsConfiguration,
+/// The settings name CPUs that this process may not use.
+pub(crate) fn apply(
+    settings: &ProcessorsConfiguration,
     service: &'static str,
-) -> Result<Option<Standing>, (&'static str, AffinityError)> {
-    let Some(ServiceProcessors { cpus, threads, realtime_priority, lock_memory }) = given.get(service) else {
+) -> Result<Option<ResourceGrants>, (&'static str, AffinityError)> {
+    let Some(ServiceProcessors { cpus, threads, realtime_priority, lock_memory }) = settings.get(service) else {
         return Ok(None);
     };
-    let mut standing = Standing::default();
+    let mut grants = ResourceGrants::default();
     if let Some(cpus) = cpus {
         affinity::limit_to(cpus).map_err(|error| (service, error))?;
-        standing.granted.push(format!("CPUs {}", affinity::ranges(cpus)));
+        grants.granted.push(format!("CPUs {}", affinity::format_ranges(cpus)));
     }
     if let Some(threads) = *threads {
         let built = use_threads(threads);
         let refused = |_| format!("threads = {threads}: --threads on the command line overrides it");
-        standing.note(built.map(|()| format!("{threads} threads")).map_err(refused));
+        grants.add(built.map(|()| format!("{threads} threads")).map_err(refused));
     }
     if let Some(priority) = *realtime_priority {
-        standing.note(realtime::enter(priority).map(|()| format!("real-time priority {priority}")));
+        grants.add(realtime::set_priority(priority).map(|()| format!("real-time priority {priority}")));
     }
     match lock_memory {
         MemoryLock::Off => {}
-        MemoryLock::Used => standing.note(memory::lock(memory::Extent::Used).map(|()| "used memory locked".to_owned())),
-        MemoryLock::All => standing.note(memory::lock(memory::Extent::All).map(|()| "all memory locked".to_owned())),
+        MemoryLock::Used => grants.add(memory::lock(memory::Extent::Used).map(|()| "used memory locked".to_owned())),
+        MemoryLock::All => grants.add(memory::lock(memory::Extent::All).map(|()| "all memory locked".to_owned())),
     }
-    Ok(Some(standing))
+    Ok(Some(grants))
 }
 
 #[cfg(test)]
@@ -67,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_service_of_which_nothing_is_said_takes_nothing() {
-        assert_eq!(take(&ProcessorsConfiguration::new(), "phase").unwrap(), None);
+    fn a_service_without_settings_has_no_grants() {
+        assert_eq!(apply(&ProcessorsConfiguration::new(), "phase").unwrap(), None);
     }
 }

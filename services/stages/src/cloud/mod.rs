@@ -10,7 +10,7 @@ use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, cl
 use fringeflow_transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
 use fringeflow_wire as wire;
 
-/// Runs the service until it is to end.
+/// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
@@ -19,14 +19,18 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let worker = CloudWorker::new(&host.setup.rig, table);
     let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let stage =
-        CloudStage { worker, found: Correspondences::default(), window: Window::default(), cloud: Cloud::default() };
+    let stage = CloudStage {
+        worker,
+        correspondences: Correspondences::default(),
+        window: Window::default(),
+        cloud: Cloud::default(),
+    };
     run_transform(&mut host, stage)
 }
 
 struct CloudStage {
     worker: CloudWorker,
-    found: Correspondences,
+    correspondences: Correspondences,
     window: Window,
     cloud: Cloud,
 }
@@ -47,14 +51,14 @@ impl Transform for CloudStage {
     }
 
     fn read(&mut self, header: &CorrespondenceHeader, payload: &[Block]) -> Result<Window, Dropped> {
-        let read = wire::correspondences::read(header, payload, &mut self.found);
+        let read = wire::correspondences::read(header, payload, &mut self.correspondences);
         read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
         self.window = header.window;
         Ok(self.window)
     }
 
     fn step(&mut self) -> Result<(), Dropped> {
-        self.worker.step(&self.found, &mut self.cloud);
+        self.worker.step(&self.correspondences, &mut self.cloud);
         if self.cloud.points.is_empty() {
             return Err(Dropped::new(
                 DropReason::EmptyCloud,
@@ -66,8 +70,8 @@ impl Transform for CloudStage {
 
     fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
         let points = &self.cloud.points;
-        let (delta_mean_rad, delta_sd_rad) = self.found.matches.chosen_delta_rad;
-        let made = output.try_send_filled(points.len() * RECORD_BYTES, |bytes| {
+        let (delta_mean_rad, delta_sd_rad) = self.correspondences.matches.chosen_delta_rad;
+        let sent = output.try_send_filled(points.len() * RECORD_BYTES, |bytes| {
             encode_records(bytes, points);
             Ok::<_, Infallible>(CloudHeader {
                 published,
@@ -76,9 +80,9 @@ impl Transform for CloudStage {
                 delta_mean_rad,
                 delta_sd_rad,
                 published_ns: clock::now_ns(),
-                drift: wire::drift::numbers(self.found.drift.as_ref()),
+                drift: wire::drift::numbers(self.correspondences.drift.as_ref()),
             })
         });
-        made.map(|Ok(())| ())
+        sent.map(|Ok(())| ())
     }
 }

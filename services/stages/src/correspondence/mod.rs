@@ -14,7 +14,7 @@ use fringeflow_wire::health::health_measures;
 use fringeflow_wire::in_step::InStep;
 use fringeflow_wire::window_report::window_report;
 
-/// Runs the service until it is to end.
+/// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
@@ -28,7 +28,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         worker,
         header: MapsHeader::default(),
         maps: PhasePair::default(),
-        found: Correspondences::default(),
+        correspondences: Correspondences::default(),
         health: Health::new(&measurement.health),
         in_step: InStep::default(),
         states: [HealthState::NotKnown; Quantity::ALL.len()],
@@ -40,46 +40,46 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
 
 struct CorrespondenceStage {
     worker: CorrespondenceWorker,
-    /// Header of the phase maps.
+    /// Header of `maps`.
     header: MapsHeader,
     maps: PhasePair,
-    found: Correspondences,
+    correspondences: Correspondences,
     health: Health,
     in_step: InStep,
-    /// States of all quantities as they were told last.
+    /// Last logged states of all quantities.
     states: [HealthState; Quantity::ALL.len()],
-    /// Slip of the window before.
+    /// Slip of the previous window, steps.
     slip_steps: [usize; 2],
     reports: Publisher<(), WindowReport>,
 }
 
 impl CorrespondenceStage {
-    /// Tells of each quantity whose state has changed.
-    fn tell_health(&mut self, health: Option<&HealthFigures>) {
+    /// Logs the quantities whose state has changed.
+    fn log_health(&mut self, health: Option<&HealthFigures>) {
         for gauge in health.into_iter().flat_map(|health| &health.quantities) {
-            let told = std::mem::replace(&mut self.states[gauge.quantity as usize], gauge.state);
-            if GaugeFigures::is_noteworthy_change(told, gauge.state) {
-                if gauge.state > told { tracing::warn!("{gauge}") } else { tracing::info!("{gauge}") }
+            let before = std::mem::replace(&mut self.states[gauge.quantity as usize], gauge.state);
+            if GaugeFigures::is_noteworthy_change(before, gauge.state) {
+                if gauge.state > before { tracing::warn!("{gauge}") } else { tracing::info!("{gauge}") }
             }
         }
     }
 
-    /// Tells when the sequence has slipped, and when it is in step again.
-    fn tell_slip(&mut self) {
-        let found = self.found.matches.slip_steps;
-        if found == self.slip_steps {
+    /// Logs when the sequence has slipped, and when it is in step again.
+    fn log_slip(&mut self) {
+        let slip_steps = self.correspondences.matches.slip_steps;
+        if slip_steps == self.slip_steps {
             return;
         }
-        self.slip_steps = found;
-        match found {
+        self.slip_steps = slip_steps;
+        match slip_steps {
             [0, 0] => tracing::info!("the images show the declared phase shifts again"),
             [a, b] if a == b => tracing::warn!(
-                "the pattern of both cameras is {a} steps ahead of the declared phase shifts: projector and cameras are out of \
-                 step; the phases are corrected"
+                "the pattern of both cameras is {a} steps ahead of the declared phase shifts: projector and \
+                 cameras are out of step; the phases are corrected"
             ),
             [a, b] => tracing::warn!(
-                "the patterns of camera 1 and 2 are {a} and {b} steps ahead of the declared phase shifts: a camera has lost or \
-                 repeated images, and its numbers do not show it; the phases are corrected"
+                "the patterns of camera 1 and 2 are {a} and {b} steps ahead of the declared phase shifts: a \
+                 camera has lost or repeated images, and its numbers do not show it; the phases are corrected"
             ),
         }
     }
@@ -107,8 +107,8 @@ impl Transform for CorrespondenceStage {
     }
 
     fn step(&mut self) -> Result<(), Dropped> {
-        let found = self.worker.step(&self.maps, &mut self.found);
-        found.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
+        let result = self.worker.step(&self.maps, &mut self.correspondences);
+        result.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
     }
 
     fn send(
@@ -116,17 +116,18 @@ impl Transform for CorrespondenceStage {
         published: u64,
         output: &mut Publisher<CorrespondenceHeader, [Block]>,
     ) -> Result<(), TransportError> {
-        let header = wire::correspondences::header(&self.found, &self.header.window, published);
-        let blocks = wire::correspondences::blocks(self.found.mean.len());
-        output.send_filled(&header, blocks, |payload| wire::correspondences::write(&self.found, payload))
+        let header = wire::correspondences::header(&self.correspondences, &self.header.window, published);
+        let blocks = wire::correspondences::blocks(self.correspondences.mean.len());
+        output.send_filled(&header, blocks, |payload| wire::correspondences::write(&self.correspondences, payload))
     }
 
-    fn tell(&mut self, published: u64) -> Result<(), TransportError> {
-        let is_in_step = self.in_step.update(&self.header, &self.found);
-        self.health.add(self.header.window.received_ns, &health_measures(&self.header, &self.found, is_in_step));
-        self.tell_slip();
-        let report = window_report(&self.header, &self.found, published, &self.health);
-        self.tell_health(HealthFigures::from_report(&report).as_ref());
+    fn send_reports(&mut self, published: u64) -> Result<(), TransportError> {
+        let is_in_step = self.in_step.update(&self.header, &self.correspondences);
+        self.health
+            .add(self.header.window.received_ns, &health_measures(&self.header, &self.correspondences, is_in_step));
+        self.log_slip();
+        let report = window_report(&self.header, &self.correspondences, published, &self.health);
+        self.log_health(HealthFigures::from_report(&report).as_ref());
         self.reports.send_message(&report)
     }
 

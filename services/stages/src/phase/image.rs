@@ -1,4 +1,4 @@
-//! An image as it came, held in shared memory, or packed where its rows have gaps.
+//! A received image: in shared memory, or copied if its rows have gaps.
 
 use std::rc::Rc;
 
@@ -6,21 +6,21 @@ use fringeflow_base::grey::GreyLevels;
 use fringeflow_message::{DropReason, FrameHeader, PixelFormat, flags};
 use fringeflow_transport::Received;
 
-/// Grey levels of an image, row by row without gaps; clones share them.
+/// Grey levels of an image, row by row without gaps. Clones share them.
 #[derive(Clone, Debug)]
 pub(crate) enum Image {
     /// In shared memory.
     Shared(PixelFormat, Rc<Received<FrameHeader, [u8]>>),
-    /// Copied, since its rows have gaps.
+    /// Copied, because its rows have gaps.
     Packed(PixelFormat, Rc<[u8]>),
 }
 
 impl Image {
-    /// Takes an image of the size that the rig has, in the format that the configuration names.
+    /// Takes a received image. `size_px` is the image size of the rig, `format` that of the configuration.
     ///
     /// # Errors
-    /// It is damaged, or of another size or format.
-    pub(crate) fn of(
+    /// The image is damaged, or has another size or format.
+    pub(crate) fn from_received(
         received: Received<FrameHeader, [u8]>,
         size_px: [usize; 2],
         format: PixelFormat,
@@ -43,7 +43,7 @@ impl Image {
         Ok(Self::Packed(format, rows.copied().collect()))
     }
 
-    /// The grey levels.
+    /// Returns the grey levels.
     pub(crate) fn levels(&self) -> GreyLevels<'_> {
         match self {
             Self::Shared(format, received) => GreyLevels { format: *format, bytes: received.payload() },

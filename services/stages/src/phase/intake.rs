@@ -1,4 +1,6 @@
-//! From messages to windows: the synchronizer, its ports, and the accounts of what it counts.
+//! Makes windows of messages: the synchronizer, its ports, and the accounts with its counts.
+//!
+//! In: images and pattern events. Out: the images of complete windows.
 
 use std::time::Duration;
 
@@ -11,7 +13,7 @@ use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, 
 
 use crate::phase::image::Image;
 
-/// Images of a camera, beyond a window, that may wait for their partner or their step.
+/// Number of images of a camera, beyond a window, that may wait for their partner or their step.
 const WAITING_BEYOND_WINDOW: usize = 3;
 
 /// Ports, synchronizer and accounts.
@@ -21,20 +23,20 @@ pub(crate) struct Intake {
     synchronizer: Synchronizer<Image>,
     size_px: [usize; 2],
     format: PixelFormat,
-    pattern: Ledger,
-    pairing: Ledger,
-    windowing: Ledger,
-    /// What came of the images of camera 1 and 2.
+    pattern: StageAccount,
+    pairing: StageAccount,
+    windowing: StageAccount,
+    /// Arrivals of the images of camera 1 and 2.
     frame_arrivals: [Arrivals; 2],
-    /// The last event that was counted as lost before this process listened: session and number.
+    /// Session and number of the last event that was counted as lost before this process listened.
     lost_event: Option<[u64; 2]>,
 }
 
-/// An account whose counts the synchronizer keeps since this process began.
-struct Ledger {
+/// An account whose counts the synchronizer keeps.
+struct StageAccount {
     stage: Stage,
     account: Account,
-    /// Counts before this process.
+    /// Counts before this process, to which those of the synchronizer are added.
     before: Counts,
 }
 
@@ -45,16 +47,16 @@ impl Intake {
         let events = Subscriber::open(node, PROJECTOR_PATTERN, sizes)?;
         let settings = settings(&host.configuration, &host.setup);
         let mut synchronizer = Synchronizer::new(settings).map_err(|e| ServiceError::Unusable(e.to_string()))?;
-        // In the order of the pipeline: each catches up with what the one before has put out.
-        let pattern = Ledger::open(host, Stage::Pattern)?;
-        let pairing = Ledger::open(host, Stage::Pairing)?;
-        let windowing = Ledger::open(host, Stage::Windowing)?;
+        // In the order of the pipeline, because each stage catches up with the stages before it.
+        let pattern = StageAccount::open(host, Stage::Pattern)?;
+        let pairing = StageAccount::open(host, Stage::Pairing)?;
+        let windowing = StageAccount::open(host, Stage::Windowing)?;
         let frame_arrivals = [0, 1].map(|camera| *pairing.account.arrivals(camera));
         for (camera, arrivals) in (1..).zip(&frame_arrivals) {
             synchronizer.expect_frame(camera, arrivals.next);
         }
-        // Read after the account has caught up: an event announced in between is counted at the end.
-        let lost_event = host.last_of(Stage::Projector);
+        // Read after the account has caught up. An event sent in between is counted at the end of the run.
+        let lost_event = host.read_last_item(Stage::Projector);
         let size_px = host.setup.image_size_px;
         Ok(Self {
             cameras,
@@ -70,39 +72,39 @@ impl Intake {
         })
     }
 
-    /// Waits for messages, at most so long.
-    pub(crate) fn wait(&self, longest: Duration) -> Result<(), TransportError> {
-        wait_for(&[&self.cameras[0], &self.cameras[1], &self.events], longest)
+    /// Waits for messages, at most for `timeout`.
+    pub(crate) fn wait(&self, timeout: Duration) -> Result<(), TransportError> {
+        wait_for(&[&self.cameras[0], &self.cameras[1], &self.events], timeout)
     }
 
-    /// Takes what has come, one message of each channel in turn; `on_window` is given each window with its number as soon as
-    /// it is complete.
+    /// Receives all waiting messages, one of each channel in turn. Calls `on_window` with the number and the images of
+    /// each window as soon as it is complete.
     pub(crate) fn drain(
         &mut self,
         mut on_window: impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
     ) -> Result<(), ServiceError> {
         loop {
-            let any = self.take_event() | self.take_frame(0) | self.take_frame(1);
-            self.put_out(&mut on_window)?;
-            if !any {
+            let has_received = self.receive_event() | self.receive_frame(0) | self.receive_frame(1);
+            self.hand_out_windows(&mut on_window)?;
+            if !has_received {
                 return Ok(());
             }
         }
     }
 
-    /// Ends the run: what still waits for its partner is dropped.
+    /// Ends the run: drops the images that wait for their partner or their step.
     pub(crate) fn end(
         &mut self,
         mut on_window: impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
     ) -> Result<(), ServiceError> {
         self.synchronizer.end();
-        self.put_out(&mut on_window)
+        self.hand_out_windows(&mut on_window)
     }
 
-    /// Counts what the cameras and the projector put out and never came.
+    /// Counts the messages of cameras and projector as lost that never arrived.
     pub(crate) fn close(&mut self, host: &Host) -> Result<(), AccountError> {
-        for ledger in [&mut self.pattern, &mut self.pairing, &mut self.windowing] {
-            host.catch_up(&mut ledger.account, DropReason::Overrun)?;
+        for stage in [&mut self.pattern, &mut self.pairing, &mut self.windowing] {
+            host.catch_up(&mut stage.account, DropReason::Overrun)?;
         }
         Ok(())
     }
@@ -111,14 +113,14 @@ impl Intake {
     pub(crate) fn report(&mut self, host: &mut Host) {
         let skew = self.synchronizer.take_skew();
         host.report(Stage::Pattern, self.pattern.account.counts(), None);
-        host.report_pairs(Stage::Pairing, self.pairing.account.counts(), None, skew);
+        host.report_with_skew(Stage::Pairing, self.pairing.account.counts(), None, skew);
         host.report(Stage::Windowing, self.windowing.account.counts(), None);
     }
 
-    /// Forgives the silence of ports that by the accounts were sent nothing that has not come. Where nobody keeps accounts,
-    /// silence alone must tell of a lost connection.
+    /// Accepts the silence of ports that have received all messages in the accounts of their senders. If a sender has
+    /// no account, silence is the only sign of a lost connection.
     pub(crate) fn forgive_silence(&mut self, host: &Host) {
-        let has_all = |ledger: &Ledger, from| host.counts_of(from).is_some() && !host.is_behind(&ledger.account);
+        let has_all = |stage: &StageAccount, from| host.read_counts(from).is_some() && !host.is_behind(&stage.account);
         if has_all(&self.pairing, Stage::Camera1) {
             self.cameras.iter_mut().for_each(Subscriber::forgive_silence);
         }
@@ -127,13 +129,14 @@ impl Intake {
         }
     }
 
-    /// Opens ports again that lost their other side.
+    /// Opens ports again that lost their connection.
     pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
         self.events.ensure_connected(now_ns)?;
         self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(now_ns).map(|_| ()))
     }
 
-    fn take_event(&mut self) -> bool {
+    /// Receives an event; `false` if none waits.
+    fn receive_event(&mut self) -> bool {
         let Some(event) = receive(&mut self.events) else { return false };
         let is_lost = |[session, sequence]: [u64; 2]| event.session == session && event.sequence <= sequence;
         if !self.lost_event.is_some_and(is_lost) {
@@ -142,30 +145,32 @@ impl Intake {
         true
     }
 
-    fn take_frame(&mut self, camera: usize) -> bool {
+    /// Receives an image of camera 0 or 1; `false` if none waits.
+    fn receive_frame(&mut self, camera: usize) -> bool {
         let Some(frame) = receive(&mut self.cameras[camera]) else { return false };
-        // The channel says which camera it is; a header that says otherwise would count under the other one.
+        // The channel determines the camera: with a wrong number in the header, the image would count for the other
+        // one.
         let header = FrameHeader { camera: camera as u32 + 1, ..*frame.header() };
         if self.frame_arrivals[camera].arrive(header.published).is_some() {
-            self.admit(header, frame);
+            self.push_frame(header, frame);
         }
         true
     }
 
-    fn admit(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {
-        match Image::of(frame, self.size_px, self.format) {
+    fn push_frame(&mut self, header: FrameHeader, frame: Received<FrameHeader, [u8]>) {
+        match Image::from_received(frame, self.size_px, self.format) {
             Ok(image) => self.synchronizer.push_frame(header, image),
             Err(reason) => self.synchronizer.refuse_frame(&header, reason),
         }
     }
 
-    /// Writes the accounts, then hands out the windows: what is counted is never behind what was put out.
-    fn put_out(
+    /// Writes the accounts and then hands out the windows, so that the counts include every window handed out.
+    fn hand_out_windows(
         &mut self,
         on_window: &mut impl FnMut(u64, WindowImages<Image>) -> Result<(), ServiceError>,
     ) -> Result<(), ServiceError> {
         let first = self.windowing.account.counts().passed;
-        self.write()?;
+        self.write_accounts()?;
         for number in first.. {
             let Some(window) = self.synchronizer.next_window() else { break };
             on_window(number, window)?;
@@ -173,23 +178,23 @@ impl Intake {
         Ok(())
     }
 
-    fn write(&mut self) -> Result<(), AccountError> {
+    fn write_accounts(&mut self) -> Result<(), AccountError> {
         self.pattern.write(&self.synchronizer, &[])?;
         self.pairing.write(&self.synchronizer, &self.frame_arrivals.map(|arrivals| arrivals.next))?;
         self.windowing.write(&self.synchronizer, &[])
     }
 }
 
-impl Ledger {
+impl StageAccount {
     fn open(host: &Host, stage: Stage) -> Result<Self, AccountError> {
-        let mut account = host.account(stage)?;
+        let mut account = host.open_account(stage)?;
         host.catch_up(&mut account, DropReason::Restart)?;
         let before = *account.counts();
         Ok(Self { stage, account, before })
     }
 
-    /// Writes the counts of the synchronizer on top of those before; a stage without numbered messages numbers its items by
-    /// what it took.
+    /// Writes the counts of the synchronizer, added to those before. `next` has the numbers of the next messages by
+    /// source; if it is empty, the number of taken items is the next number.
     fn write(&mut self, synchronizer: &Synchronizer<Image>, next: &[u64]) -> Result<(), AccountError> {
         let Some(counted) = synchronizer.counts(self.stage) else { return Ok(()) };
         let counts = self.before.plus(counted);
@@ -213,8 +218,8 @@ fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
             ProjectorDriver::Virtual | ProjectorDriver::External => StepSource::Events { period_px },
         },
         window_stride: configuration.window_every,
-        // Enough where one message of each channel is taken in turn; the channel lets this service hold these, the images of
-        // the present run, and a window that waits for the next stage.
+        // This is enough if one message of each channel is taken in turn. The channel lets this service hold these
+        // images, those of the present run, and those of a window that waits for the next stage.
         max_waiting: images + WAITING_BEYOND_WINDOW,
     }
 }

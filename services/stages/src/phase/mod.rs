@@ -1,6 +1,6 @@
 //! The phase service: images and pattern events in, phase maps out.
 //!
-//! Keeps four accounts: pattern events, images (pairing), image pairs (windowing), windows (phase).
+//! It keeps four accounts: pattern events, images (pairing), image pairs (windowing), windows (phase).
 
 mod image;
 mod intake;
@@ -10,7 +10,9 @@ use fringeflow::phase::{PhaseShifts, SequenceFaultKind};
 use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
 use fringeflow_message::synchronization::WindowImages;
 use fringeflow_message::{Block, DropReason, MapsHeader, Stage};
-use fringeflow_runtime::{Account, AccountError, BEAT, Host, ItemTimes, PAUSE, ServiceArgs, ServiceError, clock};
+use fringeflow_runtime::{
+    Account, AccountError, Host, ItemTimes, MAX_WAIT, POLL_INTERVAL, ServiceArgs, ServiceError, clock,
+};
 use fringeflow_transport::{PHASE_MAPS, Publisher};
 use fringeflow_wire as wire;
 
@@ -18,7 +20,7 @@ use image::Image;
 use intake::Intake;
 use priors::PriorInput;
 
-/// Runs the service until it is to end.
+/// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
@@ -27,42 +29,43 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut intake = Intake::open(&host)?;
     let mut decoding = Decoding::open(&host)?;
     loop {
-        // Asked before the channels are emptied, so that what the cameras put out last is not left.
+        // Read before the channels are emptied, so that the last images of the cameras are processed too.
         let is_last = host.stop.is_requested();
         intake.drain(|number, images| decoding.add(&mut host, number, images))?;
-        decoding.work(&mut host)?;
+        decoding.decode_newest(&mut host)?;
         if is_last {
             break;
         }
-        if host.beat_is_due() {
+        if host.is_heartbeat_due() {
             intake.report(&mut host);
             host.report(Stage::Phase, decoding.account.counts(), None);
         }
-        host.tend(|host, now_ns| {
+        host.check_connections(|host, now_ns| {
             intake.forgive_silence(host);
             decoding.output.ensure_connected()?;
             decoding.priors.ensure_connected(now_ns)?;
             intake.ensure_connected(now_ns)
         });
-        intake.wait(if decoding.newest.is_some() { PAUSE } else { BEAT })?;
+        // A waiting window is decoded once the account of the next stage shows that it is free.
+        intake.wait(if decoding.newest.is_some() { POLL_INTERVAL } else { MAX_WAIT })?;
     }
     intake.end(|number, images| decoding.add(&mut host, number, images))?;
-    decoding.work(&mut host)?;
-    decoding.give_up()?;
+    decoding.decode_newest(&mut host)?;
+    decoding.drop_newest()?;
     intake.close(&host)?;
     intake.report(&mut host);
     host.report(Stage::Phase, decoding.account.counts(), None);
     Ok(())
 }
 
-/// From windows to phase maps.
+/// Makes phase maps of windows.
 struct Decoding {
     account: Account,
     output: Publisher<MapsHeader, [Block]>,
     worker: PhaseWorker,
     maps: PhasePair,
     priors: PriorInput,
-    /// The newest window, not decoded yet.
+    /// The newest window if it is not decoded yet, and when it was taken.
     newest: Option<(WindowImages<Image>, u64)>,
 }
 
@@ -70,7 +73,7 @@ impl Decoding {
     fn open(host: &Host) -> Result<Self, ServiceError> {
         let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad());
         let shifts = shifts.map_err(|e| ServiceError::Unusable(e.to_string()))?;
-        let mut account = host.account(Stage::Phase)?;
+        let mut account = host.open_account(Stage::Phase)?;
         host.catch_up(&mut account, DropReason::Restart)?;
         Ok(Self {
             account,
@@ -87,45 +90,47 @@ impl Decoding {
         })
     }
 
-    /// Takes a window; the one before it that nobody had time for is dropped, unless none may be.
+    /// Takes a window. A previous window that is not decoded yet is dropped, unless the configuration wants no window
+    /// lost.
     fn add(&mut self, host: &mut Host, number: u64, images: WindowImages<Image>) -> Result<(), ServiceError> {
-        self.account.arrive(0, number)?;
+        self.account.count_arrival(0, number)?;
         if self.newest.replace((images, clock::now_ns())).is_some() {
             self.account.drop_one(DropReason::NextStageBusy)?;
         }
         if host.configuration.wait_when_busy {
             host.wait_until_free(Stage::Correspondence, &self.account);
-            self.work(host)?;
+            self.decode_newest(host)?;
         }
         Ok(())
     }
 
-    /// Drops the window that the next stage has no time for before the end.
-    fn give_up(&mut self) -> Result<(), AccountError> {
+    /// Drops the newest window at the end of the run, if the next stage is still busy.
+    fn drop_newest(&mut self) -> Result<(), AccountError> {
         self.newest.take().map_or(Ok(()), |_| self.account.drop_one(DropReason::NextStageBusy))
     }
 
-    /// Decodes the newest window if the next stage has time for it; else it stays the newest until another comes.
-    fn work(&mut self, host: &mut Host) -> Result<(), ServiceError> {
+    /// Decodes the newest window if the next stage is free for it. Otherwise the window waits until a newer one
+    /// arrives.
+    fn decode_newest(&mut self, host: &mut Host) -> Result<(), ServiceError> {
         if !host.is_free(Stage::Correspondence, &self.account) {
             return Ok(());
         }
         let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
-        let known = self.priors.for_window(&mut images.window);
+        let prior = self.priors.for_window(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
-        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, known, &mut self.maps) {
+        if let Err(error) = self.worker.step(images.window.first_step as usize, &cam1, &cam2, prior, &mut self.maps) {
             let window = &images.window;
             let [cam1, cam2] = [window.cam1_sequence[0], window.cam2_sequence[0]];
             tracing::warn!(first_image_of_camera1 = cam1, first_image_of_camera2 = cam2, "{error}");
-            return Ok(self.account.drop_one(reason(&error))?);
+            return Ok(self.account.drop_one(drop_reason(&error))?);
         }
-        let published = self.account.pass()?;
+        let published = self.account.count_passed()?;
         let header = wire::maps::header(&self.maps, &images.window, images.skew_ns, published);
         let header = MapsHeader { refused_windows: self.account.counts().dropped_for_images(), ..header };
         let blocks = wire::maps::blocks(self.maps.cam1.phase.len());
         let maps = &self.maps;
-        // What could not be sent is missing in the channel, and counted there.
+        // Maps that were not sent are missing in the channel, and the next stage counts them.
         if let Err(error) = self.output.send_filled(&header, blocks, |payload| wire::maps::write(maps, payload)) {
             tracing::warn!("{error}");
         }
@@ -136,8 +141,8 @@ impl Decoding {
     }
 }
 
-/// Why a window that cannot be decoded is dropped.
-fn reason(error: &ImagesError) -> DropReason {
+/// Returns the reason for dropping a window that cannot be decoded.
+fn drop_reason(error: &ImagesError) -> DropReason {
     let ImagesError::Sequence(faults) = error else { return DropReason::BadImage };
     match faults.first().map(|fault| fault.kind) {
         Some(SequenceFaultKind::Lost { .. }) => DropReason::HiddenLoss,

@@ -1,4 +1,4 @@
-//! The priors of the next windows.
+//! Receives the priors for the next windows.
 
 use fringeflow::prior::{Moment, Prior};
 use fringeflow_message::{PriorHeader, Window};
@@ -6,7 +6,7 @@ use fringeflow_runtime::{Host, receive};
 use fringeflow_transport::{Subscriber, TRACKING_PRIOR, TransportError};
 use fringeflow_wire::prior::{Priors, window_times};
 
-/// Priors that are kept: a window may have to take an earlier one than the last.
+/// Number of priors that are kept: a window may need an earlier prior than the last one.
 const MAX_KEPT: usize = 16;
 
 /// The last priors of the channel.
@@ -18,20 +18,21 @@ pub(crate) struct PriorInput {
 
 impl PriorInput {
     pub(crate) fn open(host: &Host) -> Result<Self, TransportError> {
-        let takes = host.configuration.measurement.tracking.takes_priors();
+        let takes_priors = host.configuration.measurement.tracking.takes_priors();
         let open = || Subscriber::open(&host.node, TRACKING_PRIOR, &host.sizes);
-        Ok(Self { input: takes.then(open).transpose()?, priors: Priors::default() })
+        Ok(Self { input: takes_priors.then(open).transpose()?, priors: Priors::default() })
     }
 
-    /// The prior of a window: the last one that was settled when its last image arrived. Notes its number in the window.
+    /// Returns the prior for a window, and writes its number into the window. It is the last prior that was settled
+    /// when the last image of the window arrived.
     pub(crate) fn for_window(&mut self, window: &mut Window) -> Option<(&Prior, Moment)> {
-        self.take_messages();
+        self.receive_messages();
         let (number, prior) = self.priors.last_settled(window.received_ns, &window_times(window))?;
         window.prior = number + 1;
         prior
     }
 
-    fn take_messages(&mut self) {
+    fn receive_messages(&mut self) {
         let Some(input) = &mut self.input else { return };
         while let Some(message) = receive(input) {
             let header = message.header();
@@ -42,7 +43,7 @@ impl PriorInput {
         }
     }
 
-    /// Opens the port again if it lost its other side.
+    /// Opens the port again if it lost its connection.
     pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
         self.input.as_mut().map_or(Ok(()), |input| input.ensure_connected(now_ns).map(|_| ()))
     }

@@ -1,55 +1,57 @@
-//! The tracking service: clouds in, poses of the scanner and the model that grows out.
+//! The tracking service: clouds in, poses of the scanner and the growing model out.
 //!
-//! It never holds up the clouds, unless the configuration wants no window lost: it takes the newest, and counts those that
-//! came while it worked. A cloud that is not found on the model is told as lost, without a pose.
+//! It takes the newest cloud, and counts the clouds that arrived while it worked, so it never delays the clouds unless
+//! the configuration wants no window lost. A cloud that is not found on the model is reported as lost, without a pose.
 
 mod shown;
 
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
-use fringeflow_runtime::{Account, BEAT, Host, ItemTimes, ServiceArgs, ServiceError, clock, messages, receive};
+use fringeflow_runtime::{
+    Account, Host, ItemTimes, MAX_WAIT, ServiceArgs, ServiceError, clock, receive, sent_messages,
+};
 use fringeflow_tracking::fusion::Tracker;
 use fringeflow_tracking::messages::pose_report;
 use fringeflow_transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, wait_for};
 use fringeflow_wire::{drift, prior};
 
-use shown::Shown;
+use shown::ModelPublisher;
 
-/// How much it gives way to the stages that make the clouds: nine tenths of a core that they share are theirs.
+/// Nice value of this service. On a shared core, the stages that make the clouds get nine tenths of the time.
 const NICENESS: i32 = 10;
-/// Place of the clouds among the sources of the stage.
-const CLOUDS: usize = 0;
+/// Source number of the clouds.
+const CLOUD_SOURCE: usize = 0;
 
-/// Runs the service until it is to end.
+/// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
-    // Without it, it is only less polite.
+    // The error is ignored: the service works with the default nice value too.
     let _ = rustix::process::nice(NICENESS);
     let mut host = Host::open(arguments, "tracking")?;
     let mut clouds = Subscriber::open(&host.node, CLOUD, &host.sizes)?;
     let mut stage = TrackingStage::open(&host)?;
     host.catch_up(&mut stage.account, DropReason::Restart)?;
     loop {
-        // Asked before the channel is emptied, so that what the cloud service put out last is not left.
+        // Read before the channel is emptied, so that the last cloud is processed too.
         let is_last = host.stop.is_requested();
-        let newest = stage.newest(&mut clouds)?;
+        let newest = stage.receive_newest(&mut clouds)?;
         let is_idle = newest.is_none();
         newest.map_or(Ok(()), |cloud| stage.track(cloud, &mut host))?;
         if is_last {
             break;
         }
-        if host.beat_is_due() {
+        if host.is_heartbeat_due() {
             host.report(Stage::Tracking, stage.account.counts(), None);
         }
-        if stage.tend(&mut host, &mut clouds) {
+        if stage.check_connections(&mut host, &mut clouds) {
             host.catch_up(&mut stage.account, DropReason::Thinned)?;
         }
-        stage.shown.turn(&stage.tracker, &stage.last, clock::now_ns());
-        // Another may have come meanwhile, and its wake-up have been heard.
+        stage.model.send_if_due(&stage.tracker, &stage.last_pose, clock::now_ns());
+        // After a cloud, check for another one first: its wake-up may already have been consumed.
         if is_idle {
-            wait_for(&[&clouds], BEAT)?;
+            wait_for(&[&clouds], MAX_WAIT)?;
         }
     }
     host.catch_up(&mut stage.account, DropReason::Thinned)?;
@@ -61,19 +63,20 @@ struct TrackingStage {
     account: Account,
     tracker: Tracker,
     poses: Publisher<(), PoseReport>,
-    /// What tells the next windows; none where another program does.
-    priors: Option<Priors>,
-    shown: Shown,
-    /// The last report on a cloud with a pose.
-    last: PoseReport,
+    /// `None` if another program sends priors, or none are used.
+    priors: Option<PriorOutput>,
+    model: ModelPublisher,
+    /// The last report with a pose.
+    last_pose: PoseReport,
     /// Number of the first cloud of the model, once there is one.
     first_cloud: Option<u64>,
     is_lost: bool,
 }
 
-/// Tells the next windows what is known.
-struct Priors {
+/// Sends priors for the next windows.
+struct PriorOutput {
     output: Publisher<PriorHeader, [u8]>,
+    /// Payload of the last prior.
     relief: Vec<u8>,
 }
 
@@ -81,29 +84,30 @@ impl TrackingStage {
     fn open(host: &Host) -> Result<Self, ServiceError> {
         let configuration = &host.configuration.measurement.tracking;
         Ok(Self {
-            account: host.account(Stage::Tracking)?,
+            account: host.open_account(Stage::Tracking)?,
             tracker: Tracker::new(host.setup.rig.cam1.clone(), configuration.fusion()),
             poses: Publisher::open(&host.node, TRACKING_POSE, &host.sizes)?,
             priors: if configuration.makes_priors() {
-                Some(Priors { output: Publisher::open(&host.node, TRACKING_PRIOR, &host.sizes)?, relief: Vec::new() })
+                let output = Publisher::open(&host.node, TRACKING_PRIOR, &host.sizes)?;
+                Some(PriorOutput { output, relief: Vec::new() })
             } else {
                 None
             },
-            shown: Shown::open(host, configuration)?,
-            last: PoseReport::default(),
+            model: ModelPublisher::open(host, configuration)?,
+            last_pose: PoseReport::default(),
             first_cloud: None,
             is_lost: false,
         })
     }
 
-    /// The newest cloud that waits; those before it are passed over.
-    fn newest(
+    /// Returns the newest waiting cloud; the clouds before it are dropped.
+    fn receive_newest(
         &mut self,
         clouds: &mut Subscriber<CloudHeader, [u8]>,
     ) -> Result<Option<Received<CloudHeader, [u8]>>, ServiceError> {
         let mut newest = None;
         while let Some(cloud) = receive(clouds) {
-            if self.account.arrive_after(CLOUDS, cloud.header().published, DropReason::Thinned)?
+            if self.account.count_arrival_with(CLOUD_SOURCE, cloud.header().published, DropReason::Thinned)?
                 && newest.replace(cloud).is_some()
             {
                 self.account.drop_one(DropReason::Thinned)?;
@@ -115,7 +119,7 @@ impl TrackingStage {
     fn track(&mut self, cloud: Received<CloudHeader, [u8]>, host: &mut Host) -> Result<(), ServiceError> {
         let (taken_ns, header) = (clock::now_ns(), *cloud.header());
         let points = read_records(cloud.payload()).filter(|points| points.len() as u64 == header.points);
-        // The publisher needs the sample back sooner than the work is done.
+        // Before the step: the publisher needs the sample back soon.
         drop(cloud);
         let Some(points) = points else {
             tracing::warn!(cloud = header.published, "the payload of a cloud contradicts its header");
@@ -126,23 +130,23 @@ impl TrackingStage {
         let tracked = self.tracker.step(&Cloud { points }, header.window.centre_ns);
         let first_cloud = self.first_cloud.unwrap_or(header.published);
         let report = pose_report(&self.tracker, &tracked, &header, first_cloud);
-        let published = messages(Stage::Tracking, self.account.counts());
+        let published = sent_messages(Stage::Tracking, self.account.counts());
         let is_tracked = report.has_pose();
         if is_tracked {
             self.first_cloud = Some(first_cloud);
-            self.account.pass()?;
+            self.account.count_passed()?;
         } else {
             self.account.drop_one(DropReason::NotTracked)?;
         }
         let report = PoseReport { published, published_ns: clock::now_ns(), ..report };
-        // What could not be sent is missing in the channel, and counted there.
+        // A report that was not sent is missing in the channel, and its receivers count it.
         if let Err(error) = self.poses.send_message(&report) {
             tracing::warn!("{error}");
         }
-        self.tell_next_windows(&report, &header);
-        self.tell(&report);
+        self.send_prior(&report, &header);
+        self.log_lost_or_found(&report);
         if is_tracked {
-            self.last = report;
+            self.last_pose = report;
         }
         let (exposure_start_ns, received_ns) = (header.window.last_exposure_ns, header.window.received_ns);
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: report.published_ns };
@@ -150,9 +154,10 @@ impl TrackingStage {
         Ok(())
     }
 
-    /// Says what the cloud of a report tells of the windows behind it: nothing where it was lost.
-    fn tell_next_windows(&mut self, report: &PoseReport, cloud: &CloudHeader) {
-        let Some(Priors { output, relief }) = &mut self.priors else { return };
+    /// Sends the prior that follows from a cloud and its report. The message is empty if the cloud gives no
+    /// prior, as when it is lost.
+    fn send_prior(&mut self, report: &PoseReport, cloud: &CloudHeader) {
+        let Some(PriorOutput { output, relief }) = &mut self.priors else { return };
         let header = prior::encode(self.tracker.prior(drift::read(&cloud.drift)), report, relief);
         let header = PriorHeader { published_ns: clock::now_ns(), ..header };
         if let Err(error) = output.send(&header, relief) {
@@ -160,8 +165,8 @@ impl TrackingStage {
         }
     }
 
-    /// Says when the scanner is lost, and when it is found again.
-    fn tell(&mut self, report: &PoseReport) {
+    /// Logs when the tracking loses the scanner, and when it finds it again.
+    fn log_lost_or_found(&mut self, report: &PoseReport) {
         let was_lost = std::mem::replace(&mut self.is_lost, !report.has_pose());
         match (was_lost, report.reason()) {
             (false, Some(reason)) => tracing::warn!(
@@ -174,19 +179,19 @@ impl TrackingStage {
         }
     }
 
-    /// Looks after the connections; whether the clouds were opened anew.
-    fn tend(&mut self, host: &mut Host, clouds: &mut Subscriber<CloudHeader, [u8]>) -> bool {
-        let mut is_renewed = false;
-        let Self { account, poses, priors, shown, .. } = self;
-        host.tend(|host, now_ns| {
+    /// Checks the connections. Returns whether the channel of the clouds was opened again.
+    fn check_connections(&mut self, host: &mut Host, clouds: &mut Subscriber<CloudHeader, [u8]>) -> bool {
+        let mut is_reopened = false;
+        let Self { account, poses, priors, model, .. } = self;
+        host.check_connections(|host, now_ns| {
             if !host.is_behind(account) {
                 clouds.forgive_silence();
             }
-            is_renewed = clouds.ensure_connected(now_ns)?;
+            is_reopened = clouds.ensure_connected(now_ns)?;
             poses.ensure_connected()?;
             priors.iter_mut().try_for_each(|priors| priors.output.ensure_connected().map(|_| ()))?;
-            shown.ensure_connected()
+            model.ensure_connected()
         });
-        is_renewed
+        is_reopened
     }
 }

@@ -1,8 +1,11 @@
-//! One virtual camera: exposures in, images out when a real one would have transferred them.
+//! A virtual camera, which delivers each image when a real camera would have transferred it.
 //!
-//! In: triggers and the time. Out: which image is due, of which exposure; the pixels stay where they are until then.
-//! Faults that the configuration asks for happen here. Those without a trace part what an image shows from the number and
-//! the time that it is said to have: the images wait in one queue and the places that they take in another.
+//! In: triggers and the time. Out: the images that are due, each by the number of its exposure. No pixels pass through
+//! here.
+//!
+//! The configured faults happen here. A hidden fault leaves no trace in the headers: an image shows another exposure
+//! than the number and time in its header say. So contents (what images show) and slots (numbers and times of headers)
+//! wait in two queues.
 
 use std::collections::VecDeque;
 
@@ -12,12 +15,12 @@ use fringeflow_message::{FrameHeader, PixelFormat};
 
 use crate::cameras::trigger::Trigger;
 
-/// How long a camera takes for what.
+/// Timing of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// From one image to the next, nanoseconds.
+    /// Frame period, nanoseconds.
     pub period_ns: u64,
-    /// Duration of the exposure, nanoseconds.
+    /// Exposure time, nanoseconds.
     pub exposure_ns: u64,
     /// From the end of the exposure to the arrival of the image, nanoseconds.
     pub readout_ns: u64,
@@ -28,30 +31,30 @@ pub struct Timing {
 /// An image on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shot {
-    /// Number of the exposure that it shows.
+    /// Number of the exposure that the image shows.
     pub number: u64,
-    /// Step that it shows.
+    /// Phase step that the image shows.
     pub step: Option<u32>,
-    /// Number of the exposure that it is said to show.
-    pub said_number: u64,
-    /// Start of the exposure that it is said to show.
+    /// Number of the exposure in the header.
+    pub header_number: u64,
+    /// Start of the exposure in the header.
     pub exposure_start_ns: u64,
-    /// When it arrives.
+    /// Arrival time.
     due_ns: u64,
-    /// It waits for the next one to arrive.
-    swapped: bool,
+    /// Whether the image waits until the next one has arrived.
+    is_swapped: bool,
 }
 
-/// What an exposure yields.
+/// Result of an exposure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Exposed {
-    /// Images that will arrive.
+pub struct ExposureResult {
+    /// Number of images that will arrive.
     pub images: u64,
-    /// Images lost in the camera.
+    /// Number of images lost in the camera.
     pub lost: u64,
 }
 
-/// A camera.
+/// A virtual camera.
 #[derive(Clone, Debug)]
 pub struct VirtualCamera {
     id: CameraId,
@@ -60,32 +63,35 @@ pub struct VirtualCamera {
     format: PixelFormat,
     timing: Timing,
     faults: Faults,
-    /// In the order of their arrival.
-    waiting: VecDeque<Shot>,
-    /// Let past by the next one.
+    /// Images on their way, in the order of arrival.
+    in_transit: VecDeque<Shot>,
+    /// Swapped image that waits until the next one has arrived.
     held: Option<Shot>,
-    /// The one that let it past has arrived.
-    release: bool,
+    /// Whether the image after the held one has arrived.
+    releases_held: bool,
     /// End of the last exposure.
-    free_ns: u64,
-    /// Images that have no place yet: number and step of what they show.
-    shown: VecDeque<(u64, Option<u32>)>,
-    /// Places that have no image yet: number and start of the exposure.
-    places: VecDeque<(u64, u64)>,
-    /// The image that the next one changes places with.
+    exposure_end_ns: u64,
+    /// Contents without a slot: number and step of the exposure.
+    contents: VecDeque<(u64, Option<u32>)>,
+    /// Slots without content: number and start of the exposure.
+    slots: VecDeque<(u64, u64)>,
+    /// Content that changes slots with the next one.
     exchanged: Option<(u64, Option<u32>)>,
 }
 
-/// Most places that may wait for an image: a camera that is further behind begins anew with the numbers.
-const MAX_PLACES: usize = 2;
-/// Most images that may wait for a place: a camera that is further behind leaves them out, without a trace too.
-const MAX_SHOWN: usize = 2;
+/// Maximum number of slots that wait for contents. A camera that is further behind gives them up, which leaves a gap in
+/// the numbers.
+const MAX_SLOTS: usize = 2;
+/// Maximum number of contents that wait for slots. A camera that is further behind drops them, which also leaves no
+/// trace.
+const MAX_CONTENTS: usize = 2;
 
-/// How long a swapped image waits for the next one, periods.
+/// Longest time that a swapped image waits for the next one, periods.
 const MAX_HELD_PERIODS: u64 = 3;
 
 impl Timing {
-    /// Usual times at a rate: half a period of exposure, at most 5 ms, and 3 ms of transfer; C2 starts 40 µs late.
+    /// Returns the usual timing at a rate: exposure for half a period, at most 5 ms, then 3 ms of transfer. C2 starts
+    /// 40 µs late.
     #[must_use]
     pub fn usual(camera: CameraId, period_ns: u64) -> Self {
         let skew_ns = if camera == CameraId::Cam2 { 40_000 } else { 0 };
@@ -94,7 +100,7 @@ impl Timing {
 }
 
 impl VirtualCamera {
-    /// A camera; `session` tells this start from others.
+    /// Creates a camera; `session` identifies this start.
     #[must_use]
     pub fn new(
         id: CameraId,
@@ -111,128 +117,131 @@ impl VirtualCamera {
             format,
             timing,
             faults,
-            waiting: VecDeque::new(),
+            in_transit: VecDeque::new(),
             held: None,
-            release: false,
-            free_ns: 0,
-            shown: VecDeque::new(),
-            places: VecDeque::new(),
+            releases_held: false,
+            exposure_end_ns: 0,
+            contents: VecDeque::new(),
+            slots: VecDeque::new(),
             exchanged: None,
         }
     }
 
-    /// Exposes. A trigger during the exposure before is lost, as in a real camera.
-    pub fn expose(&mut self, trigger: &Trigger) -> Exposed {
+    /// Exposes an image. A trigger during the previous exposure is lost, as in a real camera.
+    pub fn expose(&mut self, trigger: &Trigger) -> ExposureResult {
         let Timing { period_ns, exposure_ns, readout_ns, skew_ns } = self.timing;
         let exposure_start_ns = trigger.start_ns.saturating_add(skew_ns);
-        if exposure_start_ns < self.free_ns {
-            return Exposed { images: 0, lost: 1 };
+        if exposure_start_ns < self.exposure_end_ns {
+            return ExposureResult { images: 0, lost: 1 };
         }
-        self.free_ns = exposure_start_ns.saturating_add(exposure_ns);
-        let due_ns = self.free_ns.saturating_add(readout_ns);
-        let fault = self.faults.of_image(self.id, trigger.number);
+        self.exposure_end_ns = exposure_start_ns.saturating_add(exposure_ns);
+        let due_ns = self.exposure_end_ns.saturating_add(readout_ns);
+        let fault = self.faults.image_fault(self.id, trigger.number);
         if fault == Some(ImageFault::Lost) {
-            return Exposed { images: 0, lost: 1 };
+            return ExposureResult { images: 0, lost: 1 };
         }
-        let lost = self.show((trigger.number, trigger.step), fault);
-        self.places.push_back((trigger.number, exposure_start_ns));
+        let lost = self.queue_content((trigger.number, trigger.step), fault);
+        self.slots.push_back((trigger.number, exposure_start_ns));
         let mut images = 0;
         while let Some(shot) = self.next_shot(due_ns) {
             images += match fault {
-                Some(ImageFault::Duplicated) => self.send(&[shot, shot]),
-                Some(ImageFault::Swapped) => self.send(&[Shot { swapped: true, ..shot }]),
-                Some(ImageFault::Late) => self.send(&[Shot { due_ns: due_ns.saturating_add(period_ns), ..shot }]),
-                _ => self.send(&[shot]),
+                Some(ImageFault::Duplicated) => self.schedule(&[shot, shot]),
+                Some(ImageFault::Swapped) => self.schedule(&[Shot { is_swapped: true, ..shot }]),
+                Some(ImageFault::Late) => self.schedule(&[Shot { due_ns: due_ns.saturating_add(period_ns), ..shot }]),
+                _ => self.schedule(&[shot]),
             };
         }
-        Exposed { images, lost }
+        ExposureResult { images, lost }
     }
 
-    /// Puts what an exposure shows in the queue, as far as it is not lost or exchanged; how many places before it are given up.
-    fn show(&mut self, image: (u64, Option<u32>), fault: Option<ImageFault>) -> u64 {
+    /// Queues the content of an exposure, subject to hidden faults. Returns the number of slots that are given up
+    /// before it.
+    fn queue_content(&mut self, content: (u64, Option<u32>), fault: Option<ImageFault>) -> u64 {
         let exchanged = self.exchanged.take();
         let mut given_up = 0;
         match fault {
             Some(ImageFault::HiddenLost) if exchanged.is_none() => {
-                if self.places.len() >= MAX_PLACES {
-                    given_up = self.places.drain(..).count() as u64;
+                if self.slots.len() >= MAX_SLOTS {
+                    given_up = self.slots.drain(..).count() as u64;
                 }
                 return given_up;
             }
-            Some(ImageFault::HiddenSwapped) if exchanged.is_none() => self.exchanged = Some(image),
-            Some(ImageFault::HiddenDuplicated) if self.shown.len() < MAX_SHOWN => self.shown.extend([image, image]),
-            // It catches up, which loses those that waited.
-            Some(ImageFault::HiddenDuplicated) => self.shown = [image].into(),
-            _ => self.shown.push_back(image),
+            Some(ImageFault::HiddenSwapped) if exchanged.is_none() => self.exchanged = Some(content),
+            Some(ImageFault::HiddenDuplicated) if self.contents.len() < MAX_CONTENTS => {
+                self.contents.extend([content, content]);
+            }
+            // The camera catches up and drops the contents that wait.
+            Some(ImageFault::HiddenDuplicated) => self.contents = [content].into(),
+            _ => self.contents.push_back(content),
         }
-        self.shown.extend(exchanged);
+        self.contents.extend(exchanged);
         given_up
     }
 
-    /// The next image that has a place.
+    /// Joins the next content and the next slot to an image, if both exist.
     fn next_shot(&mut self, due_ns: u64) -> Option<Shot> {
-        if self.places.is_empty() {
+        if self.slots.is_empty() {
             return None;
         }
-        let (number, step) = self.shown.pop_front()?;
-        let (said_number, exposure_start_ns) = self.places.pop_front()?;
-        Some(Shot { number, step, said_number, exposure_start_ns, due_ns, swapped: false })
+        let (number, step) = self.contents.pop_front()?;
+        let (header_number, exposure_start_ns) = self.slots.pop_front()?;
+        Some(Shot { number, step, header_number, exposure_start_ns, due_ns, is_swapped: false })
     }
 
-    /// How many images it are.
-    fn send(&mut self, shots: &[Shot]) -> u64 {
+    /// Adds images to those on their way. Returns their number.
+    fn schedule(&mut self, shots: &[Shot]) -> u64 {
         for shot in shots {
-            let place = self.waiting.partition_point(|other| other.due_ns <= shot.due_ns);
-            self.waiting.insert(place, *shot);
+            let position = self.in_transit.partition_point(|other| other.due_ns <= shot.due_ns);
+            self.in_transit.insert(position, *shot);
         }
         shots.len() as u64
     }
 
-    /// The next image that has arrived by `now_ns`; to be asked until there is none.
-    pub fn arrived(&mut self, now_ns: u64) -> Option<Shot> {
-        if self.release || self.held.is_some_and(|held| self.held_until_ns(&held) <= now_ns) {
-            self.release = false;
+    /// Takes the next image that has arrived by `now_ns`. Call this until it returns `None`.
+    pub fn take_arrived(&mut self, now_ns: u64) -> Option<Shot> {
+        if self.releases_held || self.held.is_some_and(|held| self.held_until_ns(&held) <= now_ns) {
+            self.releases_held = false;
             return self.held.take();
         }
-        let shot = self.next_waiting(now_ns)?;
-        if shot.swapped && self.held.is_none() {
+        let shot = self.take_due(now_ns)?;
+        if shot.is_swapped && self.held.is_none() {
             self.held = Some(shot);
-            return self.arrived(now_ns);
+            return self.take_arrived(now_ns);
         }
-        self.release = self.held.is_some();
+        self.releases_held = self.held.is_some();
         Some(shot)
     }
 
-    fn next_waiting(&mut self, now_ns: u64) -> Option<Shot> {
-        if self.waiting.front()?.due_ns <= now_ns { self.waiting.pop_front() } else { None }
+    fn take_due(&mut self, now_ns: u64) -> Option<Shot> {
+        if self.in_transit.front()?.due_ns <= now_ns { self.in_transit.pop_front() } else { None }
     }
 
     fn held_until_ns(&self, held: &Shot) -> u64 {
         held.due_ns.saturating_add(MAX_HELD_PERIODS.saturating_mul(self.timing.period_ns))
     }
 
-    /// Number of the oldest exposure whose image is on its way; `None` if none is.
+    /// Returns the number of the oldest exposure whose image is on its way; `None` if there is none.
     #[must_use]
-    pub fn oldest(&self) -> Option<u64> {
-        let on_their_way = self.waiting.iter().chain(&self.held).map(|shot| shot.number);
-        on_their_way.chain(self.shown.iter().chain(&self.exchanged).map(|&(number, _)| number)).min()
+    pub fn oldest_exposure(&self) -> Option<u64> {
+        let shots = self.in_transit.iter().chain(&self.held).map(|shot| shot.number);
+        shots.chain(self.contents.iter().chain(&self.exchanged).map(|&(number, _)| number)).min()
     }
 
-    /// When the next image arrives; `None` if none is on its way.
+    /// Returns the arrival time of the next image; `None` if none is on its way.
     #[must_use]
     pub fn next_ns(&self) -> Option<u64> {
-        let held_ns = self.held.map(|held| if self.release { 0 } else { self.held_until_ns(&held) });
-        let waiting_ns = self.waiting.front().map(|shot| shot.due_ns);
-        held_ns.into_iter().chain(waiting_ns).min()
+        let held_ns = self.held.map(|held| if self.releases_held { 0 } else { self.held_until_ns(&held) });
+        let due_ns = self.in_transit.front().map(|shot| shot.due_ns);
+        held_ns.into_iter().chain(due_ns).min()
     }
 
-    /// The header of an image that arrived at `received_ns` and is number `published` of its channel.
+    /// Returns the header of an image that arrived at `received_ns`; `published` is its number in the channel.
     #[must_use]
     pub fn header(&self, shot: &Shot, received_ns: u64, published: u64) -> FrameHeader {
         let [width_px, height_px] = self.size_px;
         FrameHeader {
             session: self.session,
-            sequence: shot.said_number,
+            sequence: shot.header_number,
             published,
             exposure_start_ns: shot.exposure_start_ns,
             received_ns,
@@ -263,17 +272,18 @@ mod tests {
         Trigger { number, start_ns: number * PERIOD_NS, step: Some((number % 4) as u32) }
     }
 
-    /// Numbers of the images in the order of arrival, and how many were promised and lost, over 2000 exposures.
-    fn run(camera: &mut VirtualCamera) -> (Vec<u64>, Exposed) {
-        let (mut numbers, mut sum) = (Vec::new(), Exposed { images: 0, lost: 0 });
+    /// Returns the numbers of the images of 2000 exposures in the order of arrival, and how many were promised and
+    /// lost.
+    fn run(camera: &mut VirtualCamera) -> (Vec<u64>, ExposureResult) {
+        let (mut numbers, mut sum) = (Vec::new(), ExposureResult { images: 0, lost: 0 });
         for k in 0..2000 {
             let exposed = camera.expose(&trigger(k));
-            sum = Exposed { images: sum.images + exposed.images, lost: sum.lost + exposed.lost };
-            while let Some(shot) = camera.arrived((k + 1) * PERIOD_NS - 1) {
+            sum = ExposureResult { images: sum.images + exposed.images, lost: sum.lost + exposed.lost };
+            while let Some(shot) = camera.take_arrived((k + 1) * PERIOD_NS - 1) {
                 numbers.push(shot.number);
             }
         }
-        numbers.extend(std::iter::from_fn(|| camera.arrived(u64::MAX)).map(|shot| shot.number));
+        numbers.extend(std::iter::from_fn(|| camera.take_arrived(u64::MAX)).map(|shot| shot.number));
         assert_eq!(camera.next_ns(), None);
         (numbers, sum)
     }
@@ -281,16 +291,16 @@ mod tests {
     #[test]
     fn an_image_arrives_after_exposure_and_transfer() {
         let mut camera = camera(FaultOptions::default());
-        assert_eq!(camera.expose(&trigger(3)), Exposed { images: 1, lost: 0 });
+        assert_eq!(camera.expose(&trigger(3)), ExposureResult { images: 1, lost: 0 });
         let due_ns = 3 * PERIOD_NS + 40_000 + 5_000_000 + 3_000_000;
         assert_eq!(camera.next_ns(), Some(due_ns));
-        assert_eq!(camera.arrived(due_ns - 1), None);
-        let shot = camera.arrived(due_ns).unwrap();
+        assert_eq!(camera.take_arrived(due_ns - 1), None);
+        let shot = camera.take_arrived(due_ns).unwrap();
         let header = camera.header(&shot, due_ns + 9, 12);
         assert_eq!((header.session, header.sequence, header.published, header.camera), (5, 3, 12, 2));
         assert_eq!((header.exposure_start_ns, header.received_ns), (3 * PERIOD_NS + 40_000, due_ns + 9));
         assert_eq!((header.width_px, header.height_px, header.stride_bytes), (64, 48, 128));
-        assert_eq!((shot.step, camera.arrived(u64::MAX)), (Some(3), None));
+        assert_eq!((shot.step, camera.take_arrived(u64::MAX)), (Some(3), None));
     }
 
     #[test]
@@ -298,7 +308,7 @@ mod tests {
         let mut camera = camera(FaultOptions::default());
         camera.expose(&trigger(3));
         for start_ns in [0, 3 * PERIOD_NS, 3 * PERIOD_NS + 4_999_999] {
-            assert_eq!(camera.expose(&Trigger { start_ns, ..trigger(4) }), Exposed { images: 0, lost: 1 });
+            assert_eq!(camera.expose(&Trigger { start_ns, ..trigger(4) }), ExposureResult { images: 0, lost: 1 });
         }
         assert_eq!(camera.expose(&trigger(4)).images, 1);
     }
@@ -329,59 +339,59 @@ mod tests {
         assert!((0..).zip(&numbers).all(|(i, &number)| number.abs_diff(i) <= 1));
     }
 
-    /// What the images show, and what their headers say.
-    fn shown(options: FaultOptions) -> Vec<(u64, u64, u64)> {
+    /// Returns the exposure that each image shows, and the number and time in its header.
+    fn deliver(options: FaultOptions) -> Vec<(u64, u64, u64)> {
         let mut camera = camera(options);
         let mut shots = Vec::new();
         for k in 0..2000 {
             camera.expose(&trigger(k));
-            let arrived = std::iter::from_fn(|| camera.arrived((k + 1) * PERIOD_NS - 1));
-            shots.extend(arrived.map(|shot| (shot.number, shot.said_number, shot.exposure_start_ns)));
+            let arrived = std::iter::from_fn(|| camera.take_arrived((k + 1) * PERIOD_NS - 1));
+            shots.extend(arrived.map(|shot| (shot.number, shot.header_number, shot.exposure_start_ns)));
         }
         shots
     }
 
-    fn said_in_turn(shots: &[(u64, u64, u64)]) -> bool {
-        let in_time = |&(_, said, start_ns): &(u64, u64, u64)| start_ns == said * PERIOD_NS + 40_000;
+    fn headers_are_in_order(shots: &[(u64, u64, u64)]) -> bool {
+        let in_time = |&(_, header_number, start_ns): &(u64, u64, u64)| start_ns == header_number * PERIOD_NS + 40_000;
         shots.windows(2).all(|pair| pair[0].1 + 1 == pair[1].1) && shots.iter().all(in_time)
     }
 
     #[test]
-    fn an_image_duplicated_without_a_trace_is_shown_under_the_next_number() {
-        let shots = shown(FaultOptions { hidden_duplicated: 0.02, ..FaultOptions::default() });
-        assert!(said_in_turn(&shots) && shots.len() == 2000, "{}", shots.len());
+    fn a_hidden_duplicate_takes_the_next_number() {
+        let shots = deliver(FaultOptions { hidden_duplicated: 0.02, ..FaultOptions::default() });
+        assert!(headers_are_in_order(&shots) && shots.len() == 2000, "{}", shots.len());
         let again = shots.windows(2).filter(|pair| pair[0].0 == pair[1].0).count();
         assert!((15..60).contains(&again), "{again}");
-        assert!(shots.iter().all(|&(number, said, _)| number <= said && number + 2 >= said));
+        assert!(shots.iter().all(|&(number, header, _)| number <= header && number + 2 >= header));
         assert!(shots.windows(2).all(|pair| pair[0].0 <= pair[1].0));
     }
 
     #[test]
-    fn images_swapped_without_a_trace_change_numbers() {
-        let shots = shown(FaultOptions { hidden_swapped: 0.02, ..FaultOptions::default() });
-        assert!(said_in_turn(&shots));
+    fn images_with_a_hidden_swap_exchange_numbers() {
+        let shots = deliver(FaultOptions { hidden_swapped: 0.02, ..FaultOptions::default() });
+        assert!(headers_are_in_order(&shots));
         let swapped = shots.windows(2).filter(|pair| pair[0].0 == pair[0].1 + 1 && pair[1].0 + 1 == pair[1].1).count();
         assert!((20..60).contains(&swapped), "{swapped}");
-        let elsewhere = shots.iter().filter(|&&(number, said, _)| number != said).count();
-        assert_eq!(elsewhere, 2 * swapped);
+        let moved = shots.iter().filter(|&&(number, header, _)| number != header).count();
+        assert_eq!(moved, 2 * swapped);
     }
 
     #[test]
-    fn an_image_lost_without_a_trace_leaves_its_number_to_the_next() {
+    fn a_hidden_loss_leaves_its_number_to_the_next_image() {
         let mut camera = camera(FaultOptions { hidden_lost: 0.02, ..FaultOptions::default() });
         let (mut lost, mut images, mut shots) = (0, 0, Vec::new());
         for k in 0..2000 {
             let exposed = camera.expose(&trigger(k));
             (lost, images) = (lost + exposed.lost, images + exposed.images);
-            shots.extend(std::iter::from_fn(|| camera.arrived((k + 1) * PERIOD_NS - 1)));
+            shots.extend(std::iter::from_fn(|| camera.take_arrived((k + 1) * PERIOD_NS - 1)));
         }
         assert_eq!(shots.len() as u64, images);
-        // Numbers are missing only where the camera was too far behind and began anew with them.
-        let gaps: u64 = shots.windows(2).map(|pair| pair[1].said_number - pair[0].said_number - 1).sum();
+        // Numbers are missing only where the camera was too far behind and gave up its slots.
+        let gaps: u64 = shots.windows(2).map(|pair| pair[1].header_number - pair[0].header_number - 1).sum();
         let hidden = shots.windows(2).filter(|pair| pair[1].number > pair[0].number + 1).count() as u64;
         assert_eq!(gaps, lost);
         assert!((20..60).contains(&hidden) && lost < hidden && 2000 - images - lost <= 2, "{hidden} {lost} {images}");
-        assert!(shots.iter().all(|shot| shot.number >= shot.said_number && shot.number <= shot.said_number + 2));
+        assert!(shots.iter().all(|shot| (shot.header_number..=shot.header_number + 2).contains(&shot.number)));
     }
 
     #[test]
@@ -396,8 +406,8 @@ mod tests {
     fn the_last_image_is_not_held_for_ever() {
         let mut camera = camera(FaultOptions { swapped: 1.0, ..FaultOptions::default() });
         camera.expose(&trigger(0));
-        assert_eq!(camera.arrived(PERIOD_NS), None);
+        assert_eq!(camera.take_arrived(PERIOD_NS), None);
         assert_eq!(camera.next_ns(), Some(8_040_000 + 3 * PERIOD_NS));
-        assert_eq!(camera.arrived(8_040_000 + 3 * PERIOD_NS).map(|shot| shot.number), Some(0));
+        assert_eq!(camera.take_arrived(8_040_000 + 3 * PERIOD_NS).map(|shot| shot.number), Some(0));
     }
 }

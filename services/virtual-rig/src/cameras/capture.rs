@@ -1,4 +1,4 @@
-//! A virtual camera with its channel and its account.
+//! Publishes the images of a virtual camera, and keeps its account.
 
 use fringeflow_dataset::CameraId;
 use fringeflow_lab::simulation::{Faults, ImageLoop};
@@ -10,7 +10,7 @@ use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, TransportError};
 use crate::cameras::camera::{Shot, Timing, VirtualCamera};
 use crate::cameras::trigger::Trigger;
 
-/// A camera whose images go to a channel.
+/// A virtual camera with its channel and its account.
 pub(crate) struct Capture {
     id: CameraId,
     stage: Stage,
@@ -33,31 +33,31 @@ impl Capture {
             id,
             stage,
             camera: VirtualCamera::new(id, session, size_px, format, timing, faults),
-            account: host.account(stage)?,
+            account: host.open_account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
             reader,
         })
     }
 
-    /// Exposes on a trigger.
+    /// Exposes an image on a trigger.
     pub(crate) fn expose(&mut self, trigger: &Trigger) -> Result<(), AccountError> {
         let exposed = self.camera.expose(trigger);
-        self.account.take(exposed.images + exposed.lost)?;
+        self.account.count_taken(exposed.images + exposed.lost)?;
         self.account.drop_many(DropReason::CameraLost, exposed.lost)
     }
 
-    /// Counts exposures that yield nothing.
-    pub(crate) fn lose(&mut self, exposures: u64, reason: DropReason) -> Result<(), AccountError> {
-        self.account.take(exposures)?;
+    /// Counts exposures that yield no image.
+    pub(crate) fn count_lost(&mut self, exposures: u64, reason: DropReason) -> Result<(), AccountError> {
+        self.account.count_taken(exposures)?;
         self.account.drop_many(reason, exposures)
     }
 
-    /// Puts out the images that have arrived.
-    pub(crate) fn put_out(&mut self, host: &mut Host, images: &ImageLoop) -> Result<(), AccountError> {
-        while let Some(shot) = self.camera.arrived(clock::now_ns()) {
+    /// Publishes the images that have arrived.
+    pub(crate) fn publish_arrived(&mut self, host: &mut Host, images: &ImageLoop) -> Result<(), AccountError> {
+        while let Some(shot) = self.camera.take_arrived(clock::now_ns()) {
             let taken_ns = clock::now_ns();
-            let header = self.camera.header(&shot, taken_ns, self.account.pass()?);
-            // What could not be sent is missing in the channel, and counted there.
+            let header = self.camera.header(&shot, taken_ns, self.account.count_passed()?);
+            // An image that cannot be sent leaves a gap in the channel, and subscribers count it as lost.
             if let Err(error) = self.send(&header, &shot, images) {
                 tracing::warn!("{error}");
             }
@@ -68,7 +68,7 @@ impl Capture {
         Ok(())
     }
 
-    /// Sends the image of a shot; darkness where the projector shows what is not simulated.
+    /// Sends the image of a shot; a black image if it shows a pattern that is not simulated.
     fn send(&mut self, header: &FrameHeader, shot: &Shot, images: &ImageLoop) -> Result<(), TransportError> {
         let Self { reader, output, .. } = self;
         let (len, row_bytes) = (reader.image_bytes(), reader.whole_row_bytes());
@@ -83,7 +83,7 @@ impl Capture {
         }
     }
 
-    /// When the next image arrives.
+    /// Returns the arrival time of the next image.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         self.camera.next_ns()
     }
@@ -96,8 +96,8 @@ impl Capture {
         self.output.ensure_connected().map(|_| ())
     }
 
-    /// Ends the run: images still on their way are dropped.
-    pub(crate) fn end(&mut self) -> Result<(), AccountError> {
+    /// Counts the images that are still on their way at the end of the run as dropped.
+    pub(crate) fn drop_in_transit(&mut self) -> Result<(), AccountError> {
         let in_work = self.account.counts().in_work().unwrap_or(0);
         self.account.drop_many(DropReason::Stopped, in_work)
     }

@@ -1,4 +1,4 @@
-//! The images that the cameras show: from the file that keeps them, or rendered first.
+//! The images of the virtual cameras: loaded from the cache file, or rendered and saved there.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -6,11 +6,11 @@ use std::path::Path;
 use fringeflow_lab::simulation::{ConfiguredScanner, ImageLoop, VirtualScanner};
 use fringeflow_runtime::{Host, ServiceError};
 
-/// Images of a pose.
-const IMAGES: usize = 2;
+/// Number of images of a pose: one per camera.
+const IMAGES_PER_POSE: usize = 2;
 
-/// The image loop of a virtual scanner; `None` if the service is to end before it is rendered.
-pub(crate) fn prepare(host: &Host, options: &ConfiguredScanner) -> Result<Option<ImageLoop>, ServiceError> {
+/// Returns the image loop of a virtual scanner; `None` if the service is stopped before all images are rendered.
+pub(crate) fn load_or_render(host: &Host, options: &ConfiguredScanner) -> Result<Option<ImageLoop>, ServiceError> {
     let unusable = |e: fringeflow_lab::simulation::SimulationError| ServiceError::Unusable(e.to_string());
     let scanner = VirtualScanner::new(options.scanner).map_err(unusable)?;
     let speed = scanner.speed();
@@ -31,9 +31,9 @@ pub(crate) fn prepare(host: &Host, options: &ConfiguredScanner) -> Result<Option
     Ok(images)
 }
 
-/// Keeps the images. Without the file the next start renders them again.
+/// Saves the images. Without the file the next start renders them again, so an error is only logged.
 fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
-    // If this fails, writing the file says so.
+    // If this fails, saving the file reports the error.
     drop(file.parent().map(std::fs::create_dir_all));
     if let Err(error) = images.save(scanner, file) {
         tracing::warn!("{error}; the next start renders the images again");
@@ -41,11 +41,11 @@ fn save(images: &ImageLoop, scanner: &VirtualScanner, file: &Path) {
 }
 
 fn render(host: &Host, scanner: &VirtualScanner) -> Result<Option<ImageLoop>, ServiceError> {
-    let images = IMAGES * scanner.sweep().poses();
+    let images = IMAGES_PER_POSE * scanner.sweep().poses();
     tracing::info!("rendering {images} images of the virtual scanner");
-    let mut preparing = host.prepare("Rendering images of the virtual scanner", images as u64);
+    let mut preparing = host.begin_preparation("Rendering images of the virtual scanner", images as u64);
     let on_pose = |pose: usize| {
-        preparing.reach((IMAGES * (pose + 1)) as u64);
+        preparing.set_done((IMAGES_PER_POSE * (pose + 1)) as u64);
         if host.stop.is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     ImageLoop::render(scanner, on_pose).map_err(|e| ServiceError::Unusable(e.to_string()))

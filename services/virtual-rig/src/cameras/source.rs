@@ -1,4 +1,4 @@
-//! Where triggers come from: the channel of the projector, or the cameras' clock; only while the scanner scans.
+//! Source of the triggers: the channel of the projector, or the clock of the cameras. It triggers only during a scan.
 
 use fringeflow_config::ProjectorDriver;
 use fringeflow_message::{DropReason, PatternEvent, ScanState};
@@ -9,18 +9,20 @@ use crate::cameras::capture::Capture;
 use crate::cameras::trigger::{CableTriggers, ClockTriggers};
 
 /// The source of triggers.
-pub(crate) struct Source {
+pub(crate) struct TriggerSource {
     states: Subscriber<(), ScanState>,
     scanning: bool,
     kind: Kind,
 }
 
 enum Kind {
+    /// Each event of the projector is a trigger, as if by cable.
     Cable(CableTriggers, Box<Subscriber<(), PatternEvent>>),
+    /// The cameras run free.
     Clock(ClockTriggers),
 }
 
-impl Source {
+impl TriggerSource {
     pub(crate) fn open(host: &Host) -> Result<Self, ServiceError> {
         let steps = host.setup.sequence.shifts_rad.len() as u32;
         let events = || Subscriber::open(&host.node, PROJECTOR_PATTERN, &host.sizes).map(Box::new);
@@ -36,7 +38,7 @@ impl Source {
         Ok(Self { states, scanning: false, kind })
     }
 
-    /// Triggers the cameras as far as the time has come.
+    /// Exposes both cameras on each trigger that is due.
     pub(crate) fn trigger(&mut self, cameras: &mut [Capture; 2]) -> Result<(), ServiceError> {
         while let Some(state) = receive(&mut self.states) {
             self.scanning = state.scanning != 0;
@@ -44,10 +46,10 @@ impl Source {
         let now_ns = clock::now_ns();
         match &mut self.kind {
             Kind::Clock(clock) => {
-                clock.scan(self.scanning, now_ns);
-                while let Some((missed, trigger)) = clock.take(now_ns) {
+                clock.set_scanning(self.scanning, now_ns);
+                while let Some((missed, trigger)) = clock.take_trigger(now_ns) {
                     for camera in &mut *cameras {
-                        camera.lose(missed, DropReason::CameraLost)?;
+                        camera.count_lost(missed, DropReason::CameraLost)?;
                         camera.expose(&trigger)?;
                     }
                 }
@@ -63,7 +65,7 @@ impl Source {
         Ok(())
     }
 
-    /// When the next trigger is due; `None` where events tell.
+    /// Returns the time of the next trigger; `None` if it depends on events, or while stopped.
     pub(crate) fn next_ns(&self) -> Option<u64> {
         match &self.kind {
             Kind::Clock(clock) => clock.next_ns(),
@@ -71,11 +73,11 @@ impl Source {
         }
     }
 
-    /// Waits for events and changes of the state.
-    pub(crate) fn wait(&self, longest: std::time::Duration) -> Result<(), TransportError> {
+    /// Waits for events and changes of the scan state.
+    pub(crate) fn wait(&self, timeout: std::time::Duration) -> Result<(), TransportError> {
         match &self.kind {
-            Kind::Clock(_) => wait_for(&[&self.states], longest),
-            Kind::Cable(_, events) => wait_for(&[&self.states, events.as_ref()], longest),
+            Kind::Clock(_) => wait_for(&[&self.states], timeout),
+            Kind::Cable(_, events) => wait_for(&[&self.states, events.as_ref()], timeout),
         }
     }
 
@@ -88,19 +90,20 @@ impl Source {
     }
 }
 
+/// Exposes both cameras on the triggers of an event. An event with an implausible time counts as a lost image.
 fn expose_on_event(
     cable: &mut CableTriggers,
     event: &PatternEvent,
     now_ns: u64,
     cameras: &mut [Capture; 2],
 ) -> Result<(), ServiceError> {
-    if !CableTriggers::is_of_now(event, now_ns) {
+    if !CableTriggers::is_current(event, now_ns) {
         for camera in cameras {
-            camera.lose(1, DropReason::BadTime)?;
+            camera.count_lost(1, DropReason::BadTime)?;
         }
         return Ok(());
     }
-    for trigger in cable.of_event(event) {
+    for trigger in cable.take_event(event) {
         for camera in &mut *cameras {
             camera.expose(&trigger)?;
         }

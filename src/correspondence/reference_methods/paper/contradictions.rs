@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::Image;
+use super::image::Image;
 use super::region_delta::Division;
 use crate::correspondence::claims::{Claim, Claims};
 use crate::correspondence::places::{PlaceRow, Places};
@@ -15,7 +15,7 @@ use crate::correspondence::segment::SegmentRow;
 /// Share of its places that a region may lose before it is rejected.
 const MAX_LOST_SHARE: f64 = 0.3;
 /// Reduction of the precedence of a claim with a steep δ: more than any region has pixels.
-const OF_STEEP: f32 = 16_777_216.0;
+const STEEP_HANDICAP: f32 = 16_777_216.0;
 
 /// Which of two claims on one place of C2 wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub(super) enum Precedence {
 }
 
 impl Image<'_> {
-    /// Rejects and excludes what whole regions contradict (2.2.3): small regions, those whose δ is not level, and those
+    /// Rejects and excludes contradicted regions (2.2.3): small regions, regions whose δ is not level, and regions
     /// whose places in C2 serve others. Returns the number of pixels.
     pub(super) fn reject_by_contradictions(&mut self, precedence: Precedence) -> usize {
         let division = self.divide(self.tolerance);
@@ -57,7 +57,7 @@ impl Image<'_> {
         let region = |pixel: usize| division.of_pixels[pixel] as usize;
         let foundation = |pixel: usize| {
             let size = sizes[region(pixel)] as f32;
-            if self.is_steep(division, pixel) { size - OF_STEEP } else { size }
+            if self.is_steep(division, pixel) { size - STEEP_HANDICAP } else { size }
         };
         // First whole regions compete, by foundation; then their pixels.
         let mut is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], foundation);
@@ -90,7 +90,7 @@ impl Image<'_> {
         };
         let mut claims = Claims::default();
         claims.clear(self.scene.table.epipolar_size_px().iter().product());
-        self.decided_where(stands).into_iter().for_each(|pixel| claims.make(claim(pixel)));
+        self.decided_where(stands).into_iter().for_each(|pixel| claims.add(claim(pixel)));
         pixels.map(|pixel| self.is_decided(pixel) && claims.is_lost(claim(pixel), 0.0)).collect()
     }
 

@@ -27,28 +27,24 @@
 //! more.
 
 mod contradictions;
+mod image;
 mod region_delta;
 mod votes;
 
-use rayon::prelude::*;
-
 use fringeflow_base::outcome::Outcome;
 
-use crate::correspondence::candidates::{Candidate, DeltaGate};
+use crate::correspondence::candidates::DeltaGate;
 use crate::correspondence::chosen::ChosenCandidates;
-use crate::correspondence::delta_statistics::DeltaStatistics;
-use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::explanation::explain_missing;
-use crate::correspondence::neighbourhood::{ABSENT, TURN};
+use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::pool::Pool;
-use crate::correspondence::search::{Candidates, find_candidates};
-use crate::correspondence::segment_table::SegmentTable;
-use crate::correspondence::settings::ResolutionSettings;
+use crate::correspondence::search::find_candidates;
 use crate::correspondence::support::{Support, SupportRule};
 use crate::correspondence::view::View;
-use crate::phase::PhaseMap;
 
 use contradictions::Precedence;
+use image::Image;
+pub(in crate::correspondence) use image::Scene;
 use votes::{Directions, VoteRule};
 #[cfg(test)]
 pub(in crate::correspondence) use votes::{Side, walk};
@@ -63,18 +59,6 @@ const SETTLED_SHARE: usize = 500;
 const ANY_DELTA: i32 = TURN;
 /// Share of the wider limit beyond which support on one side is not enough.
 const RIM_SHARE: f32 = 0.8;
-
-/// What the method reads.
-#[derive(Clone, Copy)]
-pub(in crate::correspondence) struct Scene<'a> {
-    /// Phase of C1.
-    pub(in crate::correspondence) cam1: &'a PhaseMap,
-    /// Phase of C2 in the epipolar frame.
-    pub(in crate::correspondence) cam2: &'a EpipolarImage,
-    pub(in crate::correspondence) table: &'a SegmentTable,
-    pub(in crate::correspondence) delta: &'a DeltaStatistics,
-    pub(in crate::correspondence) settings: &'a ResolutionSettings,
-}
 
 /// Decisions about all pixels of C1, row by row.
 #[derive(Clone, Debug)]
@@ -98,53 +82,7 @@ pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     Decisions { outcomes, chosen: image.chosen(), passing: image.passing }
 }
 
-/// An image and the decisions so far.
-struct Image<'a> {
-    scene: Scene<'a>,
-    /// The back-projection test with 3·sd (2.1), and the wider one that all candidates pass.
-    gate: DeltaGate,
-    readmission: DeltaGate,
-    candidates: &'a Candidates,
-    /// Whether each candidate was contradicted.
-    is_excluded: Vec<bool>,
-    passing: Vec<u8>,
-    outcomes: Vec<Outcome>,
-    /// Absolute phase that each pixel is decided for, turns · 65536; [`ABSENT`] while undecided.
-    absolute: Vec<i32>,
-    /// δ and number of the candidate that it is decided for; undefined while undecided.
-    delta: Vec<i16>,
-    number: Vec<u8>,
-    /// Tolerated difference of δ between neighbours on one surface, turns · 65536.
-    tolerance: i32,
-}
-
-impl<'a> Image<'a> {
-    /// Collects the candidates by the δ-criterion (2.2: "In a first step all candidates concerning the δ-criterion are
-    /// collected"). Nothing is decided yet.
-    fn new(scene: Scene<'a>, [gate, readmission]: [DeltaGate; 2], candidates: &'a Candidates) -> Self {
-        let pixels = scene.cam1.phase.len();
-        let passing = |pixel: usize| candidates.for_pixel(pixel).iter().filter(|c| gate.passes(c.delta)).count() as u8;
-        let passing: Vec<u8> = (0..pixels).into_par_iter().map(passing).collect();
-        let outcome = |(pixel, &passing): (usize, &u8)| match (candidates.for_pixel(pixel), passing) {
-            ([], _) => Outcome::NoCandidate,
-            (_, 0) => Outcome::RejectedByDelta,
-            _ => Outcome::Ambiguous,
-        };
-        Self {
-            scene,
-            gate,
-            readmission,
-            candidates,
-            is_excluded: vec![false; candidates.all().len()],
-            outcomes: passing.iter().enumerate().map(outcome).collect(),
-            passing,
-            absolute: vec![ABSENT; pixels],
-            delta: vec![0; pixels],
-            number: vec![0; pixels],
-            tolerance: scene.delta.tolerance(),
-        }
-    }
-
+impl Image<'_> {
     /// Applies the steps iteratively (2.2.3: "The complete correspondence finding will be obtained by iterative
     /// application").
     fn resolve(&mut self) {
@@ -163,7 +101,7 @@ impl<'a> Image<'a> {
                 break;
             }
         }
-        // What was excluded beside a wrong region may be right now that the region is gone.
+        // Candidates that were excluded beside a wrong region may be right now that the region is gone.
         self.is_excluded.fill(false);
         let strict_tolerance = std::mem::replace(&mut self.tolerance, ANY_DELTA);
         self.decide_multiple_candidates(Directions::AlongAndAcross, VoteRule::LENIENT);
@@ -231,51 +169,6 @@ impl<'a> Image<'a> {
         };
         let rims: Vec<usize> = (0..self.absolute.len()).filter(is_rim).collect();
         rims.into_iter().for_each(|pixel| self.undecide(pixel, Outcome::RejectedByDelta));
-    }
-
-    fn is_decided(&self, pixel: usize) -> bool {
-        self.absolute[pixel] != ABSENT
-    }
-
-    /// Absolute phase of a candidate of a pixel, turns · 65536.
-    fn absolute_of(&self, pixel: usize, candidate: &Candidate) -> i32 {
-        i32::from(candidate.order) * TURN + i32::from(self.scene.cam1.phase[pixel])
-    }
-
-    /// The candidate that a pixel is decided for.
-    fn candidate(&self, pixel: usize) -> Option<&Candidate> {
-        self.is_decided(pixel).then(|| &self.candidates.for_pixel(pixel)[usize::from(self.number[pixel])])
-    }
-
-    fn decide(&mut self, pixel: usize, number: u8, outcome: Outcome) {
-        let candidate = &self.candidates.for_pixel(pixel)[usize::from(number)];
-        self.absolute[pixel] = self.absolute_of(pixel, candidate);
-        (self.delta[pixel], self.number[pixel], self.outcomes[pixel]) = (candidate.delta, number, outcome);
-    }
-
-    /// Takes a decision back, if there is one.
-    fn undecide(&mut self, pixel: usize, outcome: Outcome) {
-        if self.is_decided(pixel) {
-            (self.absolute[pixel], self.outcomes[pixel]) = (ABSENT, outcome);
-        }
-    }
-
-    /// Takes decisions back, and excludes their candidates.
-    fn exclude(&mut self, pixels: &[usize]) {
-        for &pixel in pixels {
-            self.is_excluded[self.candidates.first_index(pixel) + usize::from(self.number[pixel])] = true;
-            self.undecide(pixel, Outcome::Contradicted);
-        }
-    }
-
-    fn chosen(&self) -> ChosenCandidates {
-        let mut chosen = ChosenCandidates::default();
-        chosen.resize(self.absolute.len());
-        let width = self.scene.cam1.width.max(1);
-        chosen.rows_mut(width).enumerate().for_each(|(v, mut row)| {
-            (0..width).for_each(|u| row.set(u, self.candidate(v * width + u).copied()));
-        });
-        chosen
     }
 }
 

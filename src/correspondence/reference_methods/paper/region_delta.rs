@@ -2,13 +2,13 @@
 //! realized using other criteria").
 //!
 //! A wrong fringe order can agree with its neighbours as well as the right one: where the right candidate is hidden or
-//! outside the measurement volume, the wrong one is unique. δ tells them apart. Over a right region δ is noise about a
-//! calibration error that varies slowly over the image. Over a wrong region it rises steadily from pixel to pixel until
-//! it fails the test, or it stays near the threshold over a piece too narrow for that.
+//! outside the measurement volume, the wrong one is unique. δ distinguishes them. Over a right region δ is noise about
+//! a calibration error that varies slowly over the image. Over a wrong region it rises steadily from pixel to pixel
+//! until it fails the test, or it stays near the threshold over a piece too narrow for that.
 
 use std::f64::consts::TAU;
 
-use super::Image;
+use super::image::Image;
 use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::regions::Regions;
 

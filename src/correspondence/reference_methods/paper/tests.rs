@@ -1,15 +1,21 @@
-//! A tilted plane, and what is done to its candidates.
+//! Tests the steps on the candidates of a tilted plane.
 
 use super::*;
+use crate::correspondence::candidates::Candidate;
+use crate::correspondence::delta_statistics::DeltaStatistics;
+use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::neighbourhood::neighbours;
 use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
 use crate::correspondence::reference_methods::{ReferenceMatch, match_along_epipolar_lines};
+use crate::correspondence::search::Candidates;
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::settings::ResolutionSettings;
 use crate::geometry::{MeasurementVolume, Point3, Pose};
-use crate::phase::AbsolutePhase;
+use crate::phase::{AbsolutePhase, PhaseMap};
 
 const WIDTH: usize = 200;
 
-/// The plane, its phases, and what Gray code finds.
+/// The plane, its phases, and the matches by Gray code.
 struct Seen {
     cam1: PhaseMap,
     cam2: EpipolarImage,

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
-use super::Image;
+use super::image::Image;
 use crate::correspondence::candidates::Candidate;
 use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN};
 use crate::correspondence::segment_table::EpipolarAxis;
@@ -59,7 +59,7 @@ pub(super) struct VoteRule {
     outweighed: u16,
 }
 
-/// What a decided pixel proposes.
+/// The absolute phase that a decided pixel proposes for another one.
 #[derive(Clone, Copy, Debug)]
 struct Proposal {
     /// The absolute phase that it proposes, turns · 65536.
@@ -197,14 +197,14 @@ pub(in crate::correspondence) fn walk(
     mut visit: impl FnMut(usize, i32),
 ) {
     let (u, v) = (from % cam1.width, from / cam1.width);
-    let (stride, scratch) = match side {
+    let (stride, available) = match side {
         Side::Left => (-1, u),
         Side::Right => (1, cam1.width - 1 - u),
         Side::Above => (-(cam1.width as isize), v),
         Side::Below => (cam1.width as isize, cam1.height - 1 - v),
     };
     let (mut here, mut rise, mut last_step) = (from, 0, None);
-    for _ in 0..reach.min(scratch) {
+    for _ in 0..reach.min(available) {
         let next = here.wrapping_add_signed(stride);
         let step = i32::from(cam1.phase[next].wrapping_sub(cam1.phase[here]) as i16);
         rise += step;
@@ -271,7 +271,7 @@ mod tests {
             assert_eq!(distances(7000, 0), [-5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6]);
             assert_eq!(distances(15000, 0), [-4, -3, -2, -1, 1, 2, 3, 4]);
             assert_eq!(distances(7000, 20000), [-5, -4, -3, -2, -1]);
-            // A jump that hides as a moderate step is betrayed by its change of slope one pixel on.
+            // A jump that looks like a moderate step shows by the change of slope one pixel later.
             assert_eq!(distances(7000, 9000), [-5, -4, -3, -2, -1, 1]);
             for (distance, rise) in met(&line(size, -7000, 0)) {
                 assert_eq!(rise, -7000 * distance);

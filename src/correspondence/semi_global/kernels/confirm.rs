@@ -10,16 +10,15 @@
 use fringeflow_simd::Lanes;
 
 use crate::correspondence::kernels::{BLOCK, Segments, block_of, load};
-use crate::correspondence::semi_global::selection::SelectedBlock;
 use crate::correspondence::surfaces::{NO_ORDER, columns_around_each};
 
 use super::Row;
-use super::selection::Found;
+use super::selection::{Found, SelectedBlock};
 
 /// Largest |δ − drift| of a confirmed pixel, sd.
 const MAX_Z: f32 = 4.0;
-/// Most iterations; the first column is seldom off by one.
-const LOOKS: usize = 3;
+/// Most iterations. The first column is seldom off by more than one, so more are not needed.
+const MAX_ITERATIONS: usize = 3;
 /// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
 const MAX_MOVE_PX: f32 = 2.0;
 
@@ -45,11 +44,11 @@ impl Row<'_> {
         // The drift is constant over such small moves.
         let drift = self.drift.block(lanes, first).at(lanes, column_px);
         let mut column_px = lanes.add_float(column_px, lanes.times_float(drift, per_turn));
-        let asked = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
-        let (mut found, mut todo) = (lanes.mask(0), asked);
+        let has_order = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        let (mut found, mut todo) = (lanes.mask(0), has_order);
         let (mut at_px, mut slopes) = (float(0.0), lanes.long(0));
         let last_px = float((self.image.width - 2) as f32);
-        for _ in 0..LOOKS {
+        for _ in 0..MAX_ITERATIONS {
             column_px = lanes.min_float(lanes.max_float(column_px, float(0.0)), last_px);
             let around = columns_around_each(lanes, self.image, segments.row, phases, column_px);
             let slope = lanes.widen(around.slope);

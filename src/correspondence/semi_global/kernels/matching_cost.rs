@@ -14,12 +14,12 @@
 use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::kernels::{BLOCK, Crossing, Differences, Ends, Tables, column_and_slope, crosses};
-use crate::correspondence::semi_global::matching_cost::{CostTable, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
+use crate::correspondence::semi_global::cost_table::{CostTable, MAX_Z, MISSING, NO_ORDER, OUTSIDE, STEPS_PER_Z};
 use crate::correspondence::semi_global::order_ranges::LANE_STEP;
 
 use super::Block;
 
-/// Crossings kept before they are weighed.
+/// Crossings kept before their costs are computed.
 const MAX_CROSSINGS: usize = 2 * LANE_STEP;
 
 /// The order ranges of 32 pixels.
@@ -53,7 +53,7 @@ pub(in crate::correspondence::semi_global) struct CostScratch<L: Lanes> {
 /// Columns in which candidates of an order can lie.
 #[derive(Clone, Copy)]
 struct Columns<L: Lanes> {
-    /// Pixels that have the order, and those of them with such columns.
+    /// Pixels that have the order, and those of them whose columns are not empty.
     own: L::Mask,
     some: L::Mask,
     /// The first column and the last.
@@ -134,7 +134,7 @@ impl<L: Lanes> Block<'_, L> {
         for lane in 0..count {
             self.cross(lane, first, costs, scratch, ends);
         }
-        self.weigh(first, costs, scratch);
+        self.add_costs(first, costs, scratch);
         let limit = lanes.word(i16::from(costs.limit));
         for lane in 0..count {
             let own = lanes.and(scratch.columns[lane].own, self.regular);
@@ -179,7 +179,7 @@ impl<L: Lanes> Block<'_, L> {
                         self.keep(lane, crossing, bases, first, costs, scratch);
                         crossing = Crossing::none(lanes);
                     }
-                    crossing.take(lanes, hit, before.value, after.value, at);
+                    crossing.set(lanes, hit, before.value, after.value, at);
                     before = after;
                     at = lanes.add(at, one);
                     within = lanes.and_not(within, lanes.is_greater(at, last));
@@ -189,7 +189,7 @@ impl<L: Lanes> Block<'_, L> {
         }
     }
 
-    /// Keeps crossings, whose columns count from `bases`, to be weighed later.
+    /// Keeps crossings, whose columns count from `bases`, until their costs are computed.
     #[inline(always)]
     fn keep(
         &self,
@@ -204,7 +204,7 @@ impl<L: Lanes> Block<'_, L> {
             return;
         }
         if scratch.count == MAX_CROSSINGS {
-            self.weigh(first, costs, scratch);
+            self.add_costs(first, costs, scratch);
         }
         crossing.after_at = self.lanes.add(crossing.after_at, bases);
         scratch.crossings[scratch.count] = (crossing, lane);
@@ -213,7 +213,7 @@ impl<L: Lanes> Block<'_, L> {
 
     /// Adds the costs of the kept crossings to the best costs, and clears them.
     #[inline(always)]
-    fn weigh(&self, first: L::Longs, costs: &CostTable, scratch: &mut CostScratch<L>) {
+    fn add_costs(&self, first: L::Longs, costs: &CostTable, scratch: &mut CostScratch<L>) {
         let (lanes, pixels) = (self.lanes, &self.pixels);
         for &(crossing, lane) in &scratch.crossings[..scratch.count] {
             let order = lanes.add_long(first, lanes.long(lane as i32));
@@ -258,7 +258,7 @@ fn transpose(rows: &[[u8; BLOCK]; LANE_STEP], tile: &mut [u8], stride: usize) {
     }
 }
 
-/// Swaps the upper parts of rows with the lower parts of those `BY` rows further.
+/// Swaps the upper parts of rows with the lower parts of the rows `BY` further.
 #[inline(always)]
 fn exchange<const BY: usize>(words: &mut [[u64; GROUPS]; LANE_STEP], lower: u64) {
     for i in (0..LANE_STEP).filter(|i| i & BY == 0) {

@@ -12,28 +12,13 @@ mod selection;
 
 use fringeflow_simd::Lanes;
 
-use crate::correspondence::drift::DepthRow;
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::kernels::{BLOCK, Rows, block_of};
-use crate::correspondence::segment::SegmentRow;
-
-use super::order_ranges::Reach;
 
 pub(super) use matching_cost::{BestBlock, CostScratch, OrderBlock};
 use pixels::Pixels;
-pub(super) use selection::SelectionScratch;
-
-/// A row of pixels and what its search reads.
-#[derive(Clone, Copy)]
-pub(super) struct Row<'a> {
-    pub(super) image: &'a EpipolarImage,
-    pub(super) segments: &'a SegmentRow,
-    pub(super) drift: &'a DepthRow,
-    pub(super) reach: Reach,
-    pub(super) phase: &'a [u16],
-    /// sd of δ of each pixel, turns.
-    pub(super) sd_turns: &'a [f32],
-}
+pub(super) use pixels::Row;
+pub(super) use selection::{REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock, SelectionScratch};
 
 /// A block of pixels, prepared for searches of their orders.
 pub(super) struct Block<'a, L: Lanes> {

@@ -2,11 +2,11 @@
 
 use fringeflow_simd::Lanes;
 
-use crate::correspondence::drift::DepthBlock;
+use crate::correspondence::drift::{DepthBlock, DepthRow};
+use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::kernels::{Segments, block_of, load};
-use crate::correspondence::pixel_search::{COLUMN_MARGIN_PX, FLAT_TURNS};
-
-use super::Row;
+use crate::correspondence::pixel_search::{COLUMN_MARGIN_PX, FLAT_TURNS, Reach};
+use crate::correspondence::segment::SegmentRow;
 
 /// Most columns of an interval.
 pub(super) const MAX_WIDTH: i32 = 24;
@@ -16,6 +16,18 @@ const MAX_TURNS: f32 = 1e4;
 const NO_ORDER: f32 = 32_000.0;
 /// Upper bound of columns.
 const MAX_COLUMN: f32 = i16::MAX as f32;
+
+/// A row of pixels, with the inputs of its search.
+#[derive(Clone, Copy)]
+pub(in crate::correspondence::semi_global) struct Row<'a> {
+    pub(in crate::correspondence::semi_global) image: &'a EpipolarImage,
+    pub(in crate::correspondence::semi_global) segments: &'a SegmentRow,
+    pub(in crate::correspondence::semi_global) drift: &'a DepthRow,
+    pub(in crate::correspondence::semi_global) reach: Reach,
+    pub(in crate::correspondence::semi_global) phase: &'a [u16],
+    /// sd of δ of each pixel, turns.
+    pub(in crate::correspondence::semi_global) sd_turns: &'a [f32],
+}
 
 /// 32 pixels.
 pub(super) struct Pixels<L: Lanes> {

@@ -12,16 +12,31 @@
 use fringeflow_simd::{COLUMNS, Lanes};
 
 use crate::correspondence::kernels::{BLOCK, Crossing, Differences, Ends, RowPair, Tables, column_and_slope, crosses};
+use crate::correspondence::neighbourhood::ABSENT;
 use crate::correspondence::row_view::{MAX_RIM_BEND, RIM_SLOPES};
-use crate::correspondence::semi_global::selection::{ABSENT, REACH_SD, REACH_TURNS, RIM_COLUMNS, SelectedBlock};
 
 use super::Block;
 use super::pixels::{MAX_WIDTH, Pixels};
 
-/// Columns beside an interval that are searched for rims: those of the rims and their neighbours.
+/// Largest |δ − drift| of a selected candidate: turns (18°), or this many sd if that is more.
+pub(in crate::correspondence::semi_global) const REACH_TURNS: f32 = 0.05;
+pub(in crate::correspondence::semi_global) const REACH_SD: f32 = 6.0;
+/// Columns beside an interval in which a surface may have its rim.
+pub(in crate::correspondence::semi_global) const RIM_COLUMNS: usize = 1;
+/// Columns on either side of an interval that are searched for rims: the columns of the rims, and one more.
 const BESIDE: i32 = RIM_COLUMNS as i32 + 1;
 /// Most columns kept of an interval.
 const MAX_DIFFERENCES: usize = (MAX_WIDTH + 2 * BESIDE + 2) as usize;
+
+/// The selected candidates of a block, to be written.
+pub(in crate::correspondence::semi_global) struct SelectedBlock<'a> {
+    pub(in crate::correspondence::semi_global) absolute: &'a mut [i32; BLOCK],
+    pub(in crate::correspondence::semi_global) column_px: &'a mut [f32; BLOCK],
+    pub(in crate::correspondence::semi_global) z: &'a mut [f32; BLOCK],
+    pub(in crate::correspondence::semi_global) delta: &'a mut [i16; BLOCK],
+    pub(in crate::correspondence::semi_global) slope: &'a mut [i16; BLOCK],
+    pub(in crate::correspondence::semi_global) in_volume: &'a mut [bool; BLOCK],
+}
 
 /// Scratch for the differences of an interval, and for columns at the end of the image.
 pub(in crate::correspondence::semi_global) struct SelectionScratch<L: Lanes> {
@@ -125,7 +140,7 @@ impl<L: Lanes> Block<'_, L> {
                     self.consider_crossing(&crossing, best);
                     crossing = Crossing::none(lanes);
                 }
-                crossing.take(lanes, hit, before.value, after.value, column);
+                crossing.set(lanes, hit, before.value, after.value, column);
                 if count >= 2 {
                     let inner = differences[count - 2];
                     let rim =
@@ -192,6 +207,7 @@ impl<L: Lanes> Block<'_, L> {
 /// The candidates of 32 pixels.
 pub(super) struct Found<L: Lanes> {
     pub(super) order: L::Words,
+    /// Wrapped phases of the pixels.
     pub(super) phases: L::Words,
     /// Pixels with a candidate.
     pub(super) present: L::Mask,

@@ -11,27 +11,28 @@ use crate::phase::motion::flow::FLOW_TILE_PX;
 use crate::phase::motion::images::Images;
 use crate::phase::sample::Sample;
 
-use super::Path;
+use super::path::Path;
 
 /// Rows of a tile that are checked: the first, and the distance to the next.
 const CHECKED_ROWS: [usize; 2] = [3, 8];
 /// Residual ÷ modulation of a pixel whose fit counts as one half.
 const HALF_FIT_SHARE: f32 = 0.3;
-/// The fit along the path may be worse than at rest by this much per pixel, which is chance. A tile is judged together
-/// with those around it, which mostly move alike.
+/// By chance the fit along the path may be worse than at rest by this much per pixel. A tile is judged together with
+/// the tiles around it, which mostly move alike.
 const CHANCE_SHARE: f32 = 0.01;
 
-/// Largest motion left along the path of a well-known surface, rad per image; plus this share of the motion at rest,
-/// because hands tremble.
-const LEFT_RAD: f32 = 0.05;
-const LEFT_SHARE: f32 = 0.5;
+/// Largest motion that remains along the path of a well-known surface, rad per image; plus this share of the motion at
+/// rest, because hands tremble.
+const REMAINING_RAD: f32 = 0.05;
+const REMAINING_SHARE: f32 = 0.5;
 /// Smallest share of the lit pixels in tiles that fit along their paths. With fewer, the whole flow is wrong.
 const LEAST_SHARE: f32 = 0.5;
 /// From this share on the whole scene moves as expected, and only clear exceptions are not followed.
 const RIGID_SHARE: f32 = 0.8;
-/// Clear exceptions fit by less than this share of the fit at rest, or have more than this motion left, rad per image.
+/// Clear exceptions fit by less than this share of the fit at rest, or have more than this remaining motion, rad per
+/// image.
 const RIGID_FIT_SHARE: f32 = 0.7;
-const RIGID_LEFT_RAD: f32 = 0.25;
+const RIGID_REMAINING_RAD: f32 = 0.25;
 
 /// How the pixels of a tile fit at rest and along the path.
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,9 +49,9 @@ struct FitQuality {
     lit: f32,
     /// Sum of the quality of fit of each pixel, from 0 to 1.
     fit: f32,
-    /// Sums over rows of |z|², and of |Σ Im(z'·z*)|, which is |z|² times the motion that is left.
+    /// Sums over rows of |z|², and of |Σ Im(z'·z*)|, which is |z|² times the remaining motion.
     power: f32,
-    left: f32,
+    remaining: f32,
 }
 
 impl FitQuality {
@@ -59,13 +60,13 @@ impl FitQuality {
             lit: self.lit + other.lit,
             fit: self.fit + other.fit,
             power: self.power + other.power,
-            left: self.left + other.left,
+            remaining: self.remaining + other.remaining,
         }
     }
 
-    /// Mean motion that is left, rad per image.
-    fn left_rad(&self) -> f32 {
-        if self.power > 0.0 { self.left / self.power } else { 0.0 }
+    /// Mean remaining motion, rad per image.
+    fn remaining_rad(&self) -> f32 {
+        if self.power > 0.0 { self.remaining / self.power } else { 0.0 }
     }
 }
 
@@ -78,20 +79,20 @@ impl Verdict {
     /// Whether the path is plausible in a scene that moves as expected.
     fn fits_roughly(self) -> bool {
         let fits = self.followed.fit >= RIGID_FIT_SHARE * self.resting.fit;
-        fits && self.followed.left_rad() <= RIGID_LEFT_RAD.max(self.resting.left_rad())
+        fits && self.followed.remaining_rad() <= RIGID_REMAINING_RAD.max(self.resting.remaining_rad())
     }
 
     /// Whether the path fits as well as staying in place.
     fn fits_path(self) -> bool {
         let fits = self.followed.fit + CHANCE_SHARE * self.lit >= self.resting.fit;
-        fits && self.followed.left_rad() <= LEFT_RAD + LEFT_SHARE * self.resting.left_rad()
+        fits && self.followed.remaining_rad() <= REMAINING_RAD + REMAINING_SHARE * self.resting.remaining_rad()
     }
 }
 
 /// Scratch memory for the grey levels of a block.
 pub(super) type BlockGreys = [[f32; LANES]; MAX_IMAGES];
 
-/// Removes the paths of tiles that fit better without, and all paths if the flow is wrong.
+/// Removes the paths of tiles that fit better at rest, and all paths if the flow is wrong.
 pub(super) fn remove_wrong_paths(paths: &mut [Path], verdicts: &[Verdict], columns: usize) {
     let around = |tile: usize| sum_around(verdicts, columns, tile);
     let with_path = || paths.iter().enumerate().filter(|(_, path)| path.bin.is_some()).map(|(tile, _)| tile);
@@ -155,6 +156,13 @@ impl<S: Sample> Kernel for VerdictKernel<'_, '_, S> {
 }
 
 /// Quality of fit over the lit ones of `count` pixels of a row.
+///
+/// ```text
+/// z, z' = weighted sums of the images
+/// squares = squared residual of the sinusoid that moves as the fit expects
+/// for each lit, unsaturated pixel: fit += half / (half + squares), half = squared residual of a pixel that counts half
+///     power += |z|², slope += Im(z'·z*); remaining motion = |slope| / power
+/// ```
 #[inline(always)]
 fn fit_quality<L: Lanes, S: Sample>(
     lanes: L,
@@ -165,8 +173,8 @@ fn fit_quality<L: Lanes, S: Sample>(
     greys: &mut BlockGreys,
 ) -> FitQuality {
     let l = lanes;
-    let Some(levelling) = &fit.levelling else { return FitQuality::default() };
-    // z and z'.
+    let Some(equalization) = &fit.equalization else { return FitQuality::default() };
+    // Real and imaginary parts of z, then of z'.
     let mut z = [l.real(0.0); 4];
     let mut greatest = l.word(0);
     for (i, (weights, greys)) in fit.weights.iter().zip(greys.iter_mut()).enumerate() {
@@ -176,7 +184,7 @@ fn fit_quality<L: Lanes, S: Sample>(
     }
     // Squared residual of the sinusoid at the motion of the fit: the samples projected onto its complement.
     let mut squares = l.real(0.0);
-    for row in &levelling.projector {
+    for row in &equalization.projector {
         let mut residual = l.real(0.0);
         for (grey, &share) in greys.iter().zip(row) {
             residual = l.add_real(residual, l.times_real(l.load_reals(grey), l.real(share as f32)));
@@ -199,5 +207,5 @@ fn fit_quality<L: Lanes, S: Sample>(
     };
     let lit = is_usable.count_ones() as f32;
     let fit = sum(l.over_real(half, l.add_real(half, squares)));
-    FitQuality { lit, fit, power: sum(power), left: sum(slope).abs() }
+    FitQuality { lit, fit, power: sum(power), remaining: sum(slope).abs() }
 }

@@ -4,8 +4,7 @@
 //! and a fit of one row in eight.
 //!
 //! ```text
-//!  flow ─► path and fit of each tile ─► images sampled along the path ─► tiles that fit worse than at rest: not
-//!  followed
+//!  flow ─► path and fit of each tile ─► images sampled along the path ─► paths that fit worse than at rest are dropped
 //! ```
 //!
 //! A fixed pixel sees other surface points from image to image: texture, shading and edges pass through it. Along the
@@ -14,6 +13,7 @@
 //! fringes is followed.
 
 mod judging;
+mod path;
 mod sampling;
 
 use rayon::prelude::*;
@@ -24,19 +24,18 @@ use fringeflow_simd::{LANES, Level};
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
-use super::fit::{MotionFit, time};
+use super::fit::MotionFit;
 use super::fits::{Bin, MotionFits};
-use super::flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
+use super::flow::{FLOW_TILE_PX, Flow};
+use super::image_times::time;
 use super::images::Images;
 
 use judging::{BlockGreys, Verdict, VerdictKernel, remove_wrong_paths};
+use path::Path;
 use sampling::Sampling;
 
 const _: () = assert!(FLOW_TILE_PX == LANES, "a block of pixels lies in one tile");
 
-/// Shares of the motion across the fringes that are tried, the largest first. Motion along the fringes is followed
-/// fully.
-const SHARES: [f32; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
 /// Longest path on either side of the centre of a window, as a share of the image width. Faster surfaces leave the
 /// image.
 const LONGEST_SHARE: f32 = 0.25;
@@ -48,15 +47,6 @@ pub(super) struct FollowScratch {
     samples: Vec<u8>,
     greys: Vec<BlockGreys>,
     verdicts: Vec<Verdict>,
-}
-
-/// Path and fit of a tile.
-#[derive(Clone, Copy, Debug, Default)]
-struct Path {
-    velocity_px: [f32; 2],
-    bin: Option<Bin>,
-    /// Expected motion beyond that of the fit, rad per image.
-    expected_rad: f32,
 }
 
 /// The fit of each block of an image.
@@ -167,20 +157,4 @@ pub(super) fn follow<'a, S: Sample>(
     sample_tiles(sampled, paths, false);
     let followed = Some(Followed { fits, columns, paths });
     Some((images.with_samples(sampled, plane), Fits { resting: fits.resting(), followed }))
-}
-
-impl Path {
-    /// The path of the largest share of the motion that can be followed; no path if there is none.
-    fn new(tile: &SurfaceMotion, longest_px: f32, fits: &mut MotionFits) -> Self {
-        let SurfaceMotion { velocity_px, motion_rad } = *tile;
-        let half = 0.5 * fits.resting().images() as f32;
-        let is_short = velocity_px.iter().all(|v| v.abs() * half <= longest_px);
-        let path = |share: f32| {
-            let bin = fits.bin_for(share * motion_rad)?;
-            let expected_rad = share * motion_rad - bin.motion_rad();
-            let [across, along] = velocity_px;
-            Some(Self { velocity_px: [share * across, along], bin: Some(bin), expected_rad })
-        };
-        SHARES.into_iter().filter(|_| is_short).find_map(path).unwrap_or_default()
-    }
 }

@@ -1,19 +1,26 @@
 //! Interpolates images between their pixels: cubic along rows, which cross the fringes, and linear between rows. In: an
 //! image and a path. Out: samples. Cost: eight multiply-adds per sample.
+//!
+//! ```text
+//! for each tile of the row of tiles:  (x, y) = its velocity times the time of the image
+//!     for each row of the tile, 32 pixels at once:
+//!         sample = cubic in u + x between four columns, linear in v + y between two rows
+//!         saturated, if a saturated sample contributes or the place lies outside the image
+//! ```
 
 use fringeflow_simd::{Kernel, LANES, Lanes};
 
-use crate::phase::motion::fit::time;
 use crate::phase::motion::flow::FLOW_TILE_PX;
+use crate::phase::motion::image_times::time;
 use crate::phase::motion::images::Images;
 use crate::phase::sample::Sample;
 
-use super::Path;
+use super::path::Path;
 
 /// Pixels of a row that contribute to a sample.
 const TAPS: usize = 4;
-/// A result is saturated if a saturated sample of at least this weight contributes. Lighter ones clip less than the
-/// noise.
+/// A result is saturated if a saturated sample of at least this weight contributes. Saturated samples of less weight
+/// change the result by less than the noise.
 const SATURATING_WEIGHT: f32 = 0.1;
 
 /// Samples a row of tiles of one image: either the followed tiles along their paths, or the others unchanged.

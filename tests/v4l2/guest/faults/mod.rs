@@ -1,4 +1,4 @@
-//! Cameras of the driver vivid: all that it can make go wrong, and what the system can do to the capture service.
+//! Faults of vivid cameras, and what the operating system can do to the capture service.
 
 mod errors;
 mod killed;

@@ -1,4 +1,4 @@
-//! Signals: a storm of them, and a service that is stopped for a while.
+//! Signals: a burst of them, and a service that is stopped for some time.
 
 use std::time::Duration;
 
@@ -6,14 +6,14 @@ use rustix::process::Signal;
 
 use fringeflow_message::DropReason;
 
-use crate::guest::capture::{Capture, Done};
+use crate::guest::capture::{Capture, Captured};
 use crate::guest::vivid;
 use crate::support::{Bench, send};
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn a_storm_of_signals_loses_nothing_uncounted() {
-    let done = during(|capture| {
+fn losses_in_a_burst_of_signals_are_counted() {
+    let done = capture_during(|capture| {
         for _ in 0..2000 {
             send(capture.pid(), Signal::USR1);
             std::thread::sleep(Duration::from_millis(1));
@@ -24,31 +24,31 @@ fn a_storm_of_signals_loses_nothing_uncounted() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn a_stopped_service_goes_on_and_counts_what_it_missed() {
-    let done = during(|capture| {
+fn a_stopped_service_continues_and_counts_missed_images() {
+    let done = capture_during(|capture| {
         for _ in 0..3 {
             send(capture.pid(), Signal::STOP);
             std::thread::sleep(Duration::from_millis(700));
             send(capture.pid(), Signal::CONT);
-            capture.images(20);
+            capture.wait_for_images(20);
         }
     });
-    // The driver's buffers are full after some of the images of this time.
+    // While the service is stopped, the driver's buffers fill up.
     assert!(done.counts.dropped(DropReason::CameraLost) > 0, "{:?}", done.counts);
     assert_counted(&done);
 }
 
-fn during(trouble: impl FnOnce(&mut Capture<'_>)) -> Done {
+fn capture_during(disturbance: impl FnOnce(&mut Capture<'_>)) -> Captured {
     let _vivid = vivid::load();
-    let bench = Bench::of(&vivid::scanner(""));
+    let bench = Bench::from_configuration(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
-    capture.images(10);
-    trouble(&mut capture);
-    capture.images(10);
+    capture.wait_for_images(10);
+    disturbance(&mut capture);
+    capture.wait_for_images(10);
     capture.stop()
 }
 
-fn assert_counted(done: &Done) {
+fn assert_counted(done: &Captured) {
     eprintln!("{:?}", done.counts);
     assert_eq!(done.sessions().len(), 1, "{:?}", done.counts);
     done.assert_losses_are_gaps(0);

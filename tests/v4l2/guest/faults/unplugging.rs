@@ -1,4 +1,4 @@
-//! A camera that is gone for a while, and comes back under another number.
+//! A camera is unplugged, and returns under another number.
 
 use std::time::{Duration, Instant};
 
@@ -7,28 +7,28 @@ use fringeflow_message::Incident;
 use crate::guest::capture::Capture;
 use crate::guest::driver::{Driver, v4l2_ctl};
 use crate::guest::vivid;
-use crate::support::{Bench, wait};
+use crate::support::{Bench, wait_until};
 
-/// How long a service is watched without its camera.
+/// How long the CPU time of a service is measured without its camera.
 const ABSENCE: Duration = Duration::from_secs(1);
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn a_camera_is_found_under_another_number() {
     let vivid = vivid::load();
-    let bench = Bench::of(&vivid::scanner(""));
+    let bench = Bench::from_configuration(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
-    capture.images(10);
+    capture.wait_for_images(10);
     vivid.unplug();
-    capture.until("its absence is noticed", |capture| capture.incidents(Incident::Unplugged) == 1);
-    assert!(!capture.holds_a_device());
+    capture.wait_until("its absence is noticed", |capture| capture.incidents(Incident::Unplugged) == 1);
+    assert!(!capture.has_open_device());
     assert_idle(&capture);
-    // It takes the lowest number that is free.
+    // This device takes the lowest free number.
     let _other = Driver::load("v4l2loopback", &["devices=1", "video_nr=0"]);
     vivid.plug_in();
     assert!(!v4l2_ctl(vivid::DEVICE, &["--info"]).contains("vivid"));
-    capture.until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
-    capture.images(10);
+    capture.wait_until("its return is noticed", |capture| capture.incidents(Incident::Returned) == 1);
+    capture.wait_for_images(10);
     let done = capture.stop();
     assert_eq!(done.sessions().len(), 2);
     assert_eq!(done.incidents(Incident::Unplugged), 1, "{:?}", done.counts);
@@ -37,23 +37,23 @@ fn a_camera_is_found_under_another_number() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn a_camera_that_is_not_there_is_waited_for() {
+fn a_service_waits_for_a_missing_camera() {
     let vivid = vivid::load();
-    let bench = Bench::of(&vivid::scanner(""));
+    let bench = Bench::from_configuration(&vivid::scanner(""));
     vivid.unplug();
     let mut capture = Capture::start(&bench);
     assert_idle(&capture);
     vivid.plug_in();
-    capture.images(10);
+    capture.wait_for_images(10);
     capture.stop();
 }
 
-/// Looking for a camera now and then is no work; trying all the time would be.
+/// Asserts that the service looks for its camera only now and then, not in a busy loop.
 fn assert_idle(capture: &Capture<'_>) {
-    let is_idle = wait(|| {
-        let (start, before_ns) = (Instant::now(), capture.processor_ns());
+    let is_idle = wait_until(|| {
+        let (start, before_ns) = (Instant::now(), capture.cpu_ns());
         std::thread::sleep(ABSENCE);
-        let (passed, busy) = (start.elapsed(), Duration::from_nanos(capture.processor_ns() - before_ns));
+        let (passed, busy) = (start.elapsed(), Duration::from_nanos(capture.cpu_ns() - before_ns));
         eprintln!("busy {busy:?} of {passed:?} without a camera");
         busy < passed / 4
     });

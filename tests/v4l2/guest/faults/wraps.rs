@@ -1,14 +1,14 @@
-//! Numbers and time stamps that run over, twenty times each.
+//! Sequence numbers and time stamps that wrap around, twenty times each.
 //!
-//! Time stamps of vivid wrap sixteen seconds after the start of a stream: ten cameras do so twice, side by side. In the
-//! meantime the numbers of a fast camera wrap, 128 images after each start of its stream.
+//! Time stamps of vivid wrap sixteen seconds after the start of a stream: ten cameras do so twice, side by side.
+//! Meanwhile the sequence numbers of a fast camera wrap, 128 images after each start of its stream.
 
 use std::time::{Duration, Instant};
 
 use fringeflow_message::{DropReason, Incident};
 
 use crate::guest::capture::Capture;
-use crate::guest::driver::{Driver, Knob, press};
+use crate::guest::driver::{Driver, FaultControl, press};
 use crate::guest::scanner::configuration;
 use crate::scenes;
 use crate::support::Bench;
@@ -16,54 +16,54 @@ use crate::support::Bench;
 /// Cameras whose time stamps wrap, and how often each.
 const SLOW: usize = 10;
 const ROUNDS: u64 = 2;
-/// Time after which they have wrapped for certain.
+/// Time after which they have certainly wrapped.
 const WRAPPED: Duration = Duration::from_secs(18);
-/// How often the numbers wrap.
+/// How often the sequence numbers wrap.
 const TIMES: u64 = 20;
-/// Numbers end here and begin at 0.
+/// Sequence numbers wrap to 0 here.
 const WRAP: u64 = 1 << 32;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn numbers_go_on_and_times_begin_anew() {
+fn numbers_and_times_continue_after_they_wrap() {
     let _vivid = load();
-    let benches: Vec<Bench> = (0..SLOW).map(|camera| Bench::of(&slow(camera))).collect();
+    let benches: Vec<Bench> = (0..SLOW).map(|camera| Bench::from_configuration(&slow(camera))).collect();
     let mut cameras: Vec<Capture<'_>> = benches.iter().map(Capture::start).collect();
-    cameras.iter_mut().for_each(|camera| camera.images(1));
-    let bench = Bench::of(&fast());
+    cameras.iter_mut().for_each(|camera| camera.wait_for_images(1));
+    let bench = Bench::from_configuration(&fast());
     let mut fast = Capture::start(&bench);
     for round in 1..=ROUNDS {
         let start = Instant::now();
         wrap_numbers(&mut fast, TIMES / ROUNDS);
         for camera in &mut cameras {
-            // Stamps are of another clock from the start of a stream; then they run back.
-            camera.until("its time stamps wrap", |camera| {
+            // Two jumps per stream: at its start, because stamps are of another clock, and when they wrap.
+            camera.wait_until("its time stamps wrap", |camera| {
                 start.elapsed() > WRAPPED && camera.incidents(Incident::StampJump) >= 2 * round
             });
         }
         if round < ROUNDS {
-            (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[Knob::Fatal]));
+            (0..SLOW).for_each(|camera| press(&format!("/dev/video{camera}"), &[FaultControl::Fatal]));
         }
     }
-    assert_numbers_went_on(fast);
-    cameras.into_iter().for_each(assert_times_went_on);
+    assert_numbers_continued(fast);
+    cameras.into_iter().for_each(assert_times_continued);
 }
 
-/// Lets the numbers of a camera wrap so many times, each in a stream of its own.
+/// Lets the sequence numbers of a camera wrap this number of times, in a new stream each time.
 fn wrap_numbers(camera: &mut Capture<'_>, times: u64) {
     for _ in 0..times {
         let restarts = camera.incidents(Incident::StreamRestart);
-        camera.until("its numbers wrap", |camera| camera.witness.last().is_some_and(|last| last.sequence > WRAP));
+        camera.wait_until("its numbers wrap", |camera| camera.witness.last().is_some_and(|last| last.sequence > WRAP));
         let session = camera.witness.last().unwrap().session;
-        press(&format!("/dev/video{SLOW}"), &[Knob::Fatal]);
-        camera.until("its stream is restarted", |camera| {
+        press(&format!("/dev/video{SLOW}"), &[FaultControl::Fatal]);
+        camera.wait_until("its stream is restarted", |camera| {
             let is_new = camera.witness.last().is_some_and(|last| last.session > session);
             is_new && camera.incidents(Incident::StreamRestart) == restarts + 1
         });
     }
 }
 
-fn assert_numbers_went_on(camera: Capture<'_>) {
+fn assert_numbers_continued(camera: Capture<'_>) {
     let done = camera.stop();
     let streams = done.sessions();
     assert_eq!(streams.len() as u64, TIMES + 1);
@@ -74,16 +74,16 @@ fn assert_numbers_went_on(camera: Capture<'_>) {
     done.assert_losses_are_gaps(0);
 }
 
-fn assert_times_went_on(camera: Capture<'_>) {
+fn assert_times_continued(camera: Capture<'_>) {
     let done = camera.stop();
     assert!(done.headers.is_sorted_by(|a, b| a.exposure_start_ns < b.exposure_start_ns));
     assert_eq!([Incident::StreamRestart, Incident::NumberingRestart].map(|i| done.incidents(i)), [ROUNDS - 1, 0]);
-    // A machine that stands still makes times leap too.
+    // If the machine pauses, stamps jump too.
     assert!(done.incidents(Incident::StampJump) >= 2 * ROUNDS, "{:?}", done.counts);
     assert_eq!(done.counts.all_dropped(), done.counts.dropped(DropReason::CameraLost), "{:?}", done.counts);
 }
 
-/// Slow devices with an analogue input each, whose rate can be told, and a fast one with a digital input.
+/// Loads slow devices with an analogue input, whose rate can be set, and fast ones with a digital input.
 fn load() -> Driver {
     let each = |name: &str, slow: &str, fast: &str| {
         let values: Vec<&str> = std::iter::repeat_n(slow, SLOW).chain([fast; 2]).collect();
@@ -102,10 +102,10 @@ fn fast() -> String {
     scanner(120.0, SLOW, "video_timings = \"800x600@120\"", "wrap_sequence_number = true")
 }
 
-/// A scanner with a device, which is set like this, as camera 1.
-fn scanner(rate_hz: f64, device: usize, more: &str, controls: &str) -> String {
+/// A scanner with this device as camera 1. `settings` are appended to its table.
+fn scanner(rate_hz: f64, device: usize, settings: &str, controls: &str) -> String {
     let cameras = format!(
-        "rate_hz = {rate_hz:.1}\n[cameras.cam1]\ndevice = \"bus:platform:vivid-{device:03}\"\n{more}\n\
+        "rate_hz = {rate_hz:.1}\n[cameras.cam1]\ndevice = \"bus:platform:vivid-{device:03}\"\n{settings}\n\
          [cameras.cam1.controls]\ntimestamp_source = \"Start of Exposure\"\n{controls}\n\
          [cameras.cam2]\ndevice = \"bus:platform:vivid-{:03}\"\n",
         device + 1

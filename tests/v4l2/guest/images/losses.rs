@@ -1,33 +1,34 @@
-//! Images that the driver drops: each is counted and none besides, and no window holds a gap.
+//! Images that the driver drops: exactly these are counted, and no window has a gap.
 
 use fringeflow_message::{DropReason, FrameHeader, Stage, Window};
 use fringeflow_recording::{Content, Recording, Topic};
 
 use crate::guest::capture::{Capture, gaps};
-use crate::guest::driver::{Knob, turn};
+use crate::guest::driver::{FaultControl, set_control};
 use crate::guest::vivid;
 use crate::support::Bench;
 
-/// Percentages of images that are dropped, and how many must be so in the images of each.
+/// Percentages of images to drop, and the least number of drops for each.
 const PERCENTAGES: [(i64, u64); 3] = [(1, 1), (10, 5), (50, 60)];
-/// Images that come of each.
+/// Images to receive for each.
 const IMAGES: usize = 120;
-/// Windows that must be complete in spite of the losses.
+/// Windows that must be complete despite the losses.
 const WINDOWS: u64 = 5;
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn dropped_images_are_counted_one_by_one() {
     let _vivid = vivid::load();
-    let bench = Bench::of(&vivid::scanner(""));
+    let bench = Bench::from_configuration(&vivid::scanner(""));
     let mut capture = Capture::start(&bench);
-    capture.images(1);
+    capture.wait_for_images(1);
     for (percentage, least) in PERCENTAGES {
         let before = capture.counts();
-        turn(vivid::DEVICE, Knob::DroppedPercentage, percentage);
-        capture.images(IMAGES);
+        set_control(vivid::DEVICE, FaultControl::DroppedPercentage, percentage);
+        capture.wait_for_images(IMAGES);
         let enough = before.dropped(DropReason::CameraLost) + least;
-        capture.until("enough is lost", |capture| capture.counts().dropped(DropReason::CameraLost) >= enough);
+        capture
+            .wait_until("enough images are lost", |capture| capture.counts().dropped(DropReason::CameraLost) >= enough);
         let now = capture.counts();
         let lost = now.dropped(DropReason::CameraLost) - before.dropped(DropReason::CameraLost);
         eprintln!("{percentage} %: {lost} of {} images lost", now.taken - before.taken);
@@ -39,11 +40,11 @@ fn dropped_images_are_counted_one_by_one() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn a_dropped_image_costs_its_windows_whole() {
+fn a_dropped_image_drops_its_windows() {
     let _vivid = vivid::load();
     let percentage = "percentage_of_dropped_buffers = 10";
     let scanner = vivid::scanner_at("1280x720@25", percentage);
-    let bench = Bench::of(&format!("{scanner}phase_maps = true\n"));
+    let bench = Bench::from_configuration(&format!("{scanner}phase_maps = true\n"));
     let recording = bench.path("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);
     live.wait_until("there are windows", || bench.counts(Stage::Phase).passed >= WINDOWS);
@@ -62,7 +63,7 @@ fn a_dropped_image_costs_its_windows_whole() {
             _ => None,
         })
         .collect();
-    // A machine that is too busy keeps the recorder from its turn; then it says so.
+    // On a busy machine the recorder may miss messages; then it counts them.
     let unseen = ended.stage("phase").passed - windows.len() as u64;
     assert!(
         unseen <= ended.stage("recorder").dropped(DropReason::Overrun) && !windows.is_empty(),
@@ -70,7 +71,7 @@ fn a_dropped_image_costs_its_windows_whole() {
     );
     for window in &windows {
         let mut pairs: Vec<[u64; 2]> = window.pairs().collect();
-        // In the order of the steps, which begin anywhere.
+        // The pairs are in the order of the steps, and a window may start with any step.
         pairs.sort_unstable();
         assert!(pairs.is_sorted_by(|a, b| b[0] == a[0] + 1 && b[1] == a[1] + 1), "{window:?}");
     }

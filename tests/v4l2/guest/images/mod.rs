@@ -1,4 +1,4 @@
-//! Cameras of the driver vivid: what they send, what can be set, and what they drop.
+//! Images of vivid cameras: formats, settings and losses.
 
 mod formats;
 mod losses;

@@ -1,4 +1,4 @@
-//! What is set: controls and rates are read back and told, and what a camera does not take is refused with what it takes.
+//! Settings: controls and rates are read back and reported. Unsupported settings are refused, with the supported ones.
 
 use crate::guest::capture::Capture;
 use crate::guest::driver::v4l2_ctl;
@@ -9,7 +9,8 @@ use crate::support::Bench;
 #[ignore = "runs in the virtual machine"]
 fn controls_are_set_before_the_first_image() {
     let _vivid = vivid::load();
-    let bench = Bench::of(&vivid::scanner("brightness = 77\nhorizontal_flip = true\nmenu = \"Menu Item 4\""));
+    let bench =
+        Bench::from_configuration(&vivid::scanner("brightness = 77\nhorizontal_flip = true\nmenu = \"Menu Item 4\""));
     let checked = bench.json(&[0], &[&"run", &"--config", &bench.configuration(), &"--check", &"--json"]);
     let camera = checked["points"].as_array().unwrap().iter().find(|point| point["what"] == "camera 1").unwrap();
     for part in ["/dev/video0", "320x180 GREY", "50 images a second", "brightness = 77", "menu = 4 (Menu Item 4)"] {
@@ -17,7 +18,7 @@ fn controls_are_set_before_the_first_image() {
     }
     v4l2_ctl(vivid::DEVICE, &["--set-ctrl", "brightness=1,horizontal_flip=0,menu=1"]);
     let mut capture = Capture::start(&bench);
-    capture.images(1);
+    capture.wait_for_images(1);
     let set = v4l2_ctl(vivid::DEVICE, &["--get-ctrl", "brightness,horizontal_flip,menu"]);
     capture.stop();
     let values: Vec<&str> =
@@ -27,32 +28,35 @@ fn controls_are_set_before_the_first_image() {
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn what_a_camera_does_not_take_is_refused() {
+fn unsupported_settings_are_refused() {
     let _vivid = vivid::load();
-    let refused = |scanner: &str, says: &[&str]| {
-        let bench = Bench::of(scanner);
-        bench.refused(&[&"run", &"--config", &bench.configuration()], says);
+    let assert_refused = |scanner: &str, expected: &[&str]| {
+        let bench = Bench::from_configuration(scanner);
+        bench.assert_refused(&[&"run", &"--config", &bench.configuration()], expected);
         bench.assert_nothing_left();
     };
-    refused(&vivid::scanner("brightness = 300"), &["camera 1", "brightness = 300", "from 0 to 255, default 128"]);
-    refused(&vivid::scanner("brightnes = 3"), &["brightnes", "no such control", "brightness"]);
-    refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "is read-only"]);
-    let of_format = vivid::scanner("").replace("\n[cameras.cam1]", "\nformat = \"Y14\"\n[cameras.cam1]");
-    refused(&of_format, &["Y14", "GREY", "Y16"]);
-    let of_signal = vivid::scanner("").replace("1280x720@50", "1281x720@50");
-    refused(&of_signal, &["1281x720@50", "1280x720@50"]);
+    assert_refused(
+        &vivid::scanner("brightness = 300"),
+        &["camera 1", "brightness = 300", "from 0 to 255, default 128"],
+    );
+    assert_refused(&vivid::scanner("brightnes = 3"), &["brightnes", "no such control", "brightness"]);
+    assert_refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "is read-only"]);
+    let format = vivid::scanner("").replace("\n[cameras.cam1]", "\nformat = \"Y14\"\n[cameras.cam1]");
+    assert_refused(&format, &["Y14", "GREY", "Y16"]);
+    let signal = vivid::scanner("").replace("1280x720@50", "1281x720@50");
+    assert_refused(&signal, &["1281x720@50", "1280x720@50"]);
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn cameras_are_listed_with_what_they_take() {
+fn cameras_are_listed_with_their_formats_and_controls() {
     let _vivid = vivid::load();
     let bench = Bench::new();
     let listed = bench.json(&[0], &[&"cameras", &"--json"]);
     let cameras = listed["cameras"].as_array().unwrap();
     let places: Vec<&str> = cameras.iter().map(|camera| camera["bus_info"].as_str().unwrap()).collect();
     assert_eq!(places, ["platform:vivid-000", "platform:vivid-001"]);
-    let text = bench.done(&[0], &[&"cameras", &"bus:platform:vivid-001"]);
+    let text = bench.execute(&[0], &[&"cameras", &"bus:platform:vivid-001"]);
     for part in ["/dev/video1", "vivid", "GREY", "Y10", "Y16", "NV12", "brightness", "0 to 255"] {
         assert!(text.contains(part), "{part:?} is missing in {text}");
     }

@@ -1,7 +1,7 @@
-//! What an image costs: time of the capture service on a processor, against one copy of the image in this machine.
+//! Measures CPU time of the capture service per image, relative to one copy of the image on this machine.
 //!
-//! A figure to watch, not that of a real machine: emulated, the seven system calls of an image and the code around them take
-//! as long as two copies; on a real processor they take about a tenth of one.
+//! The result serves to notice changes; it is not that of a real machine. In emulation, the seven system calls per
+//! image and the code around them take as long as two copies. On a real processor they take about a tenth of one.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -12,17 +12,17 @@ use crate::guest::capture::Capture;
 use crate::scenes;
 use crate::support::Bench;
 
-/// Width and height of a real camera's images.
+/// Image size of a real camera.
 pub(crate) const SIZE: &str = "1280x1024";
-/// Images of a measurement, and measurements: the least is that which this busy machine disturbed least.
+/// Images per measurement, and number of measurements. The least one was disturbed least by other work.
 const IMAGES: usize = 40;
 const MEASUREMENTS: usize = 4;
 /// Time from one image to the next.
 const PERIOD: Duration = Duration::from_millis(33);
-/// Copies of a measurement: more images than the caches of any processor hold.
+/// Copies per measurement: more than the caches of any processor hold.
 const COPIES: usize = 32;
-/// Gaps between the places of the copies, bytes: by how source and target lie to each other, a copy takes up to twice as
-/// long in an emulated processor. The image is held against the fastest.
+/// Gaps between the copies, bytes. Depending on the relative position of source and target, a copy takes up to twice as
+/// long on an emulated processor. The fastest one is the reference.
 const GAPS: [usize; 8] = [0, 512, 1536, 4096, 3 * 4096, 7 * 4096, 15 * 4096, 31 * 4096];
 
 #[test]
@@ -33,30 +33,30 @@ fn an_image_costs_little_more_than_its_copy() {
     let (image, size_px) = scene.image(1, 0);
     let mut writer = Writer::open(DEVICES[0], size_px, b"GREY");
     writer.show(&image);
-    let bench = Bench::of(&super::scanner(scene, "GREY", "timeout_ms = 60000"));
+    let bench = Bench::from_configuration(&super::scanner(scene, "GREY", "timeout_ms = 60000"));
     let mut capture = Capture::start(&bench);
-    capture.images(1);
+    capture.wait_for_images(1);
     let mut image_us = || {
-        let before_ns = capture.processor_ns();
+        let before_ns = capture.cpu_ns();
         for _ in 0..IMAGES {
             std::thread::sleep(PERIOD);
-            capture.images_of(1, || writer.show(&image));
+            capture.act_and_wait_for_images(1, || writer.show(&image));
         }
-        (capture.processor_ns() - before_ns) as f64 * 1e-3 / IMAGES as f64
+        (capture.cpu_ns() - before_ns) as f64 * 1e-3 / IMAGES as f64
     };
-    // The first images touch memory for the first time.
+    // Discard the first measurement, which touches memory for the first time.
     image_us();
-    let image_us = least((0..MEASUREMENTS).map(|_| image_us()));
+    let image_us = minimum((0..MEASUREMENTS).map(|_| image_us()));
     capture.stop();
-    let copy_us = least(GAPS.into_iter().map(|gap| copy_us(image.len(), gap)));
-    eprintln!("capture {image_us:.0} µs an image, a copy {copy_us:.0} µs: {:.2} copies", image_us / copy_us);
+    let copy_us = minimum(GAPS.into_iter().map(|gap| copy_us(image.len(), gap)));
+    eprintln!("capture {image_us:.0} µs per image, copy {copy_us:.0} µs: {:.2} copies", image_us / copy_us);
 }
 
-fn least(figures: impl Iterator<Item = f64>) -> f64 {
-    figures.fold(f64::INFINITY, f64::min)
+fn minimum(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(f64::INFINITY, f64::min)
 }
 
-/// Mean time of a copy of so many bytes between places that are in no cache.
+/// Mean time to copy this number of bytes between uncached memory, microseconds.
 fn copy_us(bytes: usize, gap: usize) -> f64 {
     let from: Vec<Vec<u8>> = (0..COPIES).map(|k| vec![k as u8; bytes + gap]).collect();
     let mut to = from.clone();

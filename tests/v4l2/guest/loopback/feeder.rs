@@ -1,5 +1,5 @@
-//! What stands before the cameras: the images of all scenes, round after round, in pairs. The next pair is shown when its
-//! time has come and the one before was taken, so that a slow machine loses none.
+//! Feeds the cameras with pairs of images of all scenes, round after round. The next pair is shown when a period has
+//! passed and the previous pair was taken, so a slow machine loses none.
 
 use std::time::Instant;
 
@@ -13,26 +13,26 @@ pub(crate) struct Feeder {
     writers: [Writer; 2],
     images: Vec<[Vec<u8>; 2]>,
     next: usize,
-    shown: Instant,
+    last_shown: Instant,
 }
 
 impl Feeder {
-    /// Shows the first pair.
+    /// Opens both devices and shows the first pair.
     pub(crate) fn new() -> Self {
         let (_, size_px) = scenes::all()[0].image(1, 0);
         let writers = DEVICES.map(|device| Writer::open(device, size_px, b"GREY"));
-        let mut feeder = Self { writers, images: images(), next: 0, shown: Instant::now() };
+        let mut feeder = Self { writers, images: images(), next: 0, last_shown: Instant::now() };
         feeder.show();
         feeder
     }
 
-    /// Shows the next pair, a period after the one before at the earliest.
+    /// Shows the next pair, at least a period after the previous one.
     pub(crate) fn show_next(&mut self) {
-        std::thread::sleep((self.shown + PERIOD).saturating_duration_since(Instant::now()));
+        std::thread::sleep((self.last_shown + PERIOD).saturating_duration_since(Instant::now()));
         self.show();
     }
 
-    /// The image that a camera (1 or 2) has of a number of the driver.
+    /// The image of a camera (1 or 2) that the driver numbers so.
     pub(crate) fn image(&self, camera: u32, number: u64) -> &[u8] {
         &self.images[number as usize % self.images.len()][camera as usize - 1]
     }
@@ -42,8 +42,8 @@ impl Feeder {
         self.next
     }
 
-    /// Pairs of a round.
-    pub(crate) fn round(&self) -> usize {
+    /// Pairs per round.
+    pub(crate) fn round_pairs(&self) -> usize {
         self.images.len()
     }
 
@@ -53,7 +53,7 @@ impl Feeder {
         for (writer, image) in self.writers.iter_mut().zip(pair) {
             writer.show(image);
         }
-        (self.next, self.shown) = (self.next + 1, Instant::now());
+        (self.next, self.last_shown) = (self.next + 1, Instant::now());
     }
 }
 

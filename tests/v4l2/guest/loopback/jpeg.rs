@@ -1,4 +1,4 @@
-//! Compressed images: what the camera sends has other lengths from image to image, and comes out as grey levels.
+//! Compressed images: their length changes from image to image, and they become grey levels.
 
 use fringeflow_message::{DropReason, PixelFormat};
 use fringeflow_pixels::{SourceFormat, unpack};
@@ -10,10 +10,10 @@ use crate::support::Bench;
 use super::DEVICES;
 use super::writer::Writer;
 
-/// Width and height of the images below.
+/// Size of the images below.
 pub(crate) const SIZE: &str = "80x72";
 const SIZE_PX: [usize; 2] = [80, 72];
-/// In colours; without Huffman tables, as many cameras send it; grey.
+/// In colour; without Huffman tables, as many cameras send it; grey.
 const IMAGES: [&[u8]; 3] = [
     include_bytes!("../../../../crates/pixels/src/tests/colour_420.jpg"),
     include_bytes!("../../../../crates/pixels/src/tests/colour_422_without_tables.jpg"),
@@ -22,20 +22,20 @@ const IMAGES: [&[u8]; 3] = [
 
 #[test]
 #[ignore = "runs in the virtual machine"]
-fn compressed_images_are_taken_and_cut_ones_counted() {
+fn compressed_images_are_decoded_and_truncated_ones_counted() {
     let scene = &scenes::of_size(SIZE);
     let _loopback = super::load();
     let mut writer = Writer::open(DEVICES[0], SIZE_PX.map(|side| side as u32), b"MJPG");
     writer.show(IMAGES[0]);
-    let bench = Bench::of(&super::scanner(scene, "MJPG", "timeout_ms = 60000"));
+    let bench = Bench::from_configuration(&super::scanner(scene, "MJPG", "timeout_ms = 60000"));
     let mut capture = Capture::start(&bench);
-    capture.images(1);
+    capture.wait_for_images(1);
     for image in &IMAGES[1..] {
-        capture.images_of(1, || writer.show(image));
+        capture.act_and_wait_for_images(1, || writer.show(image));
     }
     writer.show(&IMAGES[0][..700]);
-    capture.until("the cut image is counted", |capture| capture.counts().dropped(DropReason::BadImage) == 1);
-    capture.images_of(1, || writer.show(IMAGES[0]));
+    capture.wait_until("the truncated image is counted", |capture| capture.counts().dropped(DropReason::BadImage) == 1);
+    capture.act_and_wait_for_images(1, || writer.show(IMAGES[0]));
     let pixels = capture.witness.first_pixels();
     let done = capture.stop();
     let mut expected = vec![0; SIZE_PX[0] * SIZE_PX[1]];

@@ -1,4 +1,4 @@
-//! Cameras of the driver v4l2loopback: what is written to them comes out of them, image by image.
+//! Cameras of the driver v4l2loopback: they deliver the images that are written to them.
 
 mod cost;
 mod feeder;
@@ -18,11 +18,12 @@ pub(crate) use jpeg::SIZE as SIZE_OF_JPEG;
 
 /// The devices of both cameras.
 const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
-/// Buffers of a device, the same for driver and reader: with fewer the driver overwrites what is being read.
+/// Buffers of a device, for driver and reader. If the reader had fewer, the driver would overwrite images that are
+/// being read.
 const BUFFERS: usize = 16;
-/// Nominal images a second; an image that comes half a period late or early breaks its window.
+/// Nominal images per second. An image that is half a period early or late breaks its window.
 const RATE_HZ: f64 = 1.0;
-/// Time from an image to the next: shorter than nominal, so that a pause of this machine seldom makes one late.
+/// Time from image to image: shorter than nominal, so a pause of this machine rarely makes one late.
 const PERIOD: Duration = Duration::from_millis(600);
 
 /// Loads the driver.
@@ -30,11 +31,11 @@ fn load() -> Driver {
     Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", &format!("max_buffers={BUFFERS}")])
 }
 
-/// A scanner with the rig of a scene that takes every image once; `each` is more about each camera.
-fn scanner(scene: &Scene, format: &str, each: &str) -> String {
+/// A scanner with the rig of a scene that uses every image once. `settings` are appended to the table of each camera.
+fn scanner(scene: &Scene, format: &str, settings: &str) -> String {
     let camera = |number: usize| {
         let device = DEVICES[number - 1];
-        format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{each}\n")
+        format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{settings}\n")
     };
     let cameras = format!("rate_hz = {RATE_HZ:.1}\nformat = \"{format}\"\n{}{}", camera(1), camera(2));
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);

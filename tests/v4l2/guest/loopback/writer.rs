@@ -1,4 +1,4 @@
-//! What stands before a camera: images written to its device.
+//! Writes images to a loopback device, which delivers them as a camera.
 
 use std::io::Write;
 use std::os::fd::BorrowedFd;
@@ -7,7 +7,7 @@ use rustix::io::{FdFlags, fcntl_setfd};
 use v4l::video::Output;
 use v4l::{Device, Format, FourCC};
 
-/// Writes to a device. A reader that comes while it lives finds the format of the writer.
+/// Writer of a device. While it exists, readers find its format.
 pub(crate) struct Writer {
     device: Device,
 }
@@ -23,13 +23,13 @@ impl Writer {
         Self { device }
     }
 
-    /// Shows an image.
+    /// Writes an image.
     pub(crate) fn show(&mut self, image: &[u8]) {
         assert_eq!(self.device.write(image).unwrap(), image.len());
     }
 }
 
-/// The crate lets programs that are started inherit the device, which would stay a camera in them.
+/// Closes the device in child processes. By default they would inherit it, and it would stay in use.
 #[allow(unsafe_code)]
 fn keep_from_children(device: &Device) {
     // SAFETY: the descriptor is open as long as the device, which is borrowed for longer.

@@ -1,19 +1,19 @@
-//! The clutter: bodies at many heights that hide and shadow each other, some dark, some glossy.
+//! The clutter: solids at many heights that hide and shadow each other, some dark, some glossy.
 //!
-//! The cameras look along directions 10° to the left and right, the projector from 10° above: a body 20 mm high hides
-//! and shadows strips of 4 mm. A rod and a grid hover above the bodies below them.
+//! The cameras look from 10° to the left and right, and the projector from 10° above. So a solid 20 mm high hides and
+//! shadows strips 4 mm wide. A rod and a grid hover above other solids.
 
 use crate::simulation::solid::{
-    Material, PointMm, RoundCone, Solid, cut, cylinder, length, rounded_box, sphere, turned,
+    Material, PointMm, RoundCone, Solid, cut, cylinder, length, rotated_about_z, rounded_box, sphere,
 };
 
-/// Twelve bodies on 84 mm × 62 mm, up to 23 mm high.
+/// Twelve solids on 84 mm × 62 mm, up to 23 mm high.
 pub(super) struct Clutter;
 
-/// Distance field of a body.
+/// Distance field of a solid.
 type Field = fn(&PointMm) -> f64;
 
-/// The bodies and their materials.
+/// The solids and their materials.
 const BODIES: [(Field, Material); 12] = [
     (tower, Material::PLASTER),
     (glossy_ball, Material::GLOSSY),
@@ -45,7 +45,7 @@ impl Solid for Clutter {
 }
 
 fn tower(p: &PointMm) -> f64 {
-    let p = turned(&(p - PointMm::new(-30.0, 17.0, 0.0)), 0.45);
+    let p = rotated_about_z(&(p - PointMm::new(-30.0, 17.0, 0.0)), 0.45);
     rounded_box(&p, PointMm::new(0.0, 0.0, 11.5), PointMm::new(5.0, 7.0, 11.5), 0.2)
 }
 
@@ -63,7 +63,7 @@ fn glossy_drum(p: &PointMm) -> f64 {
 }
 
 fn dark_crate(p: &PointMm) -> f64 {
-    let p = turned(&(p - PointMm::new(-30.0, -17.0, 0.0)), -0.25);
+    let p = rotated_about_z(&(p - PointMm::new(-30.0, -17.0, 0.0)), -0.25);
     rounded_box(&p, PointMm::new(0.0, 0.0, 4.0), PointMm::new(9.0, 8.0, 4.0), 0.2)
 }
 
@@ -81,7 +81,7 @@ fn ring(p: &PointMm) -> f64 {
 }
 
 fn block(p: &PointMm) -> f64 {
-    let p = turned(&(p - PointMm::new(5.0, -3.0, 0.0)), 0.7);
+    let p = rotated_about_z(&(p - PointMm::new(5.0, -3.0, 0.0)), 0.7);
     rounded_box(&p, PointMm::new(0.0, 0.0, 6.0), PointMm::new(4.5, 3.0, 6.0), 0.0)
 }
 
@@ -89,13 +89,13 @@ fn low_block(p: &PointMm) -> f64 {
     rounded_box(p, PointMm::new(30.0, -20.0, 3.0), PointMm::new(6.0, 5.0, 3.0), 0.0)
 }
 
-/// Distance between the axes of the grid's bars, and the centre of the grid, millimetres.
+/// Distance between the axes of the bars of the grid, and the centre of the grid, millimetres.
 const GRID_PITCH: f64 = 5.0;
-const GRID_PLACE: [f64; 3] = [26.0, -17.0, 16.0];
+const GRID_CENTRE: [f64; 3] = [26.0, -17.0, 16.0];
 
-/// Five by five bars over the low block.
+/// Five by five bars above the low block.
 fn grid(p: &PointMm) -> f64 {
-    let p = p - PointMm::from(GRID_PLACE);
+    let p = p - PointMm::from(GRID_CENTRE);
     let beside = |x: f64| x - (x / GRID_PITCH).round().clamp(-2.0, 2.0) * GRID_PITCH;
     let beyond = |x: f64| (x.abs() - 2.0 * GRID_PITCH).max(0.0);
     let along_x = PointMm::new(beyond(p.x), beside(p.y), p.z).norm();

@@ -1,31 +1,32 @@
-//! The crumbs: small separate discs at random heights. No region is large enough to show its fringe order by itself.
+//! The crumbs: small separate discs at random heights. No region is large enough to determine its fringe order by
+//! itself.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::simulation::solid::{PointMm, Solid, cylinder};
 
-/// Discs of 1.4 mm diameter, 50 pixels of C1 where an image has 640 × 512.
+/// Discs of 1.4 mm diameter. In images of 640 × 512 pixels, each covers about 50 pixels of C1.
 pub(super) struct Crumbs {
-    /// Centres of the discs in a cell of the (x, y) plane or a neighbouring cell, row by row.
+    /// For each cell of the (x, y) plane, row by row, the centres of the discs in it and in its neighbours.
     near: Vec<Vec<PointMm>>,
 }
 
 const COUNT: usize = 120;
-/// Number of random places tried.
+/// Maximum number of random positions tried.
 const DRAWS: usize = 40_000;
 const RADIUS: f64 = 0.7;
 const HALF_THICKNESS: f64 = 0.4;
 const ROUNDING: f64 = 0.2;
-/// Half the extent of the places, and their lowest and highest, millimetres.
+/// Half the extent of the positions, and their lowest and highest height, millimetres.
 const HALF_EXTENT: [f64; 2] = [41.0, 31.0];
 const HEIGHTS: [f64; 2] = [1.0, 22.5];
-/// Centres of C1, C2 and P of the usual rig, in the frame of the object.
+/// Centres of C1, C2 and P of the default rig, in the frame of the object.
 const EYES: [[f64; 3]; 3] = [[-55.0, 0.0, 317.0], [55.0, -2.0, 316.0], [-13.0, 55.0, 320.0]];
-/// Least distance between the lines of sight to two crumbs at half height, millimetres.
-const APART: f64 = 2.3;
+/// Minimum distance between the lines of sight to two crumbs at half height, millimetres.
+const MIN_SIGHT_DISTANCE: f64 = 2.3;
 
-/// Side of a cell, millimetres; discs in no neighbouring cell are at least [`FAR`] away.
+/// Side of a cell, millimetres. Discs that are not in a neighbouring cell are at least [`FAR`] away.
 const CELL: f64 = 6.0;
 const FAR: f64 = CELL - RADIUS;
 const CELLS: [usize; 2] = [15, 12];
@@ -33,11 +34,11 @@ const CELLS: [usize; 2] = [15, 12];
 impl Crumbs {
     pub(super) fn new() -> Self {
         let mut near = vec![Vec::new(); CELLS[0] * CELLS[1]];
-        for place in places() {
-            let [column, row] = cell(&place);
+        for centre in centres() {
+            let [column, row] = cell(&centre);
             for (x, y) in (column - 1..=column + 1).flat_map(|x| (row - 1..=row + 1).map(move |y| (x, y))) {
                 if let Some(index) = index([x, y]) {
-                    near[index].push(place);
+                    near[index].push(centre);
                 }
             }
         }
@@ -45,32 +46,32 @@ impl Crumbs {
     }
 }
 
-/// Places that no other crumb hides from the cameras or shadows, for the usual rig.
-fn places() -> Vec<PointMm> {
+/// Returns positions at which no crumb hides another from the cameras or shadows it, for the default rig.
+fn centres() -> Vec<PointMm> {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut within = |[low, high]: [f64; 2]| low + (high - low) * rng.random::<f64>();
     let mut found: Vec<(PointMm, [[f64; 2]; 3])> = Vec::new();
     for _ in 0..DRAWS {
         let [x, y] = HALF_EXTENT.map(|half| within([-half, half]));
-        let place = PointMm::new(x, y, within(HEIGHTS));
-        let seen = EYES.map(|eye| halfway_up(&PointMm::from(eye), &place));
+        let centre = PointMm::new(x, y, within(HEIGHTS));
+        let seen = EYES.map(|eye| halfway_up(&PointMm::from(eye), &centre));
         let is_apart = |(_, other): &(_, [[f64; 2]; 3])| {
-            seen.iter().zip(other).all(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > APART)
+            seen.iter().zip(other).all(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]) > MIN_SIGHT_DISTANCE)
         };
         if found.iter().all(is_apart) {
-            found.push((place, seen));
+            found.push((centre, seen));
         }
         if found.len() == COUNT {
             break;
         }
     }
-    found.into_iter().map(|(place, _)| place).collect()
+    found.into_iter().map(|(centre, _)| centre).collect()
 }
 
-/// Intersection of the line of sight from an eye to a place with the plane at half height.
-fn halfway_up(eye: &PointMm, place: &PointMm) -> [f64; 2] {
-    let share = (eye.z - (HEIGHTS[0] + HEIGHTS[1]) / 2.0) / (eye.z - place.z);
-    let point = eye + (place - eye) * share;
+/// Intersects the line of sight from an eye to a point with the plane at half height.
+fn halfway_up(eye: &PointMm, target: &PointMm) -> [f64; 2] {
+    let share = (eye.z - (HEIGHTS[0] + HEIGHTS[1]) / 2.0) / (eye.z - target.z);
+    let point = eye + (target - eye) * share;
     [point.x, point.y]
 }
 
@@ -86,9 +87,9 @@ fn index([column, row]: [isize; 2]) -> Option<usize> {
 impl Solid for Crumbs {
     fn distance_mm(&self, point: &PointMm) -> f64 {
         let near = index(cell(point)).map_or(&[][..], |index| &self.near[index]);
-        let disc = |place: &PointMm| {
-            let heights = [place.z - HALF_THICKNESS, place.z + HALF_THICKNESS];
-            cylinder(point, [place.x, place.y], RADIUS, heights, ROUNDING)
+        let disc = |centre: &PointMm| {
+            let heights = [centre.z - HALF_THICKNESS, centre.z + HALF_THICKNESS];
+            cylinder(point, [centre.x, centre.y], RADIUS, heights, ROUNDING)
         };
         near.iter().map(disc).fold(FAR, f64::min)
     }

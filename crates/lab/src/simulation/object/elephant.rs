@@ -1,4 +1,4 @@
-//! The toy elephant, lying on its side, seen from its left.
+//! A toy elephant lying on its side, seen from its left.
 
 use crate::simulation::solid::{PointMm, RoundCone, Solid, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
 
@@ -24,12 +24,12 @@ const LEGS: [[f64; 6]; 4] = [
     [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
 ];
 
-/// Fillet between head and body; farther than this from the head, the body is unaffected by it.
+/// Fillet between head and body. It does not affect the body farther than this from the head.
 const NECK_FILLET: f64 = 3.0;
 
-/// Lower bound of the field of the head, from a ball about head, trunk and tusk: fields of ellipsoids rise by at least
-/// four fifths of the distance, and fillets subtract at most 2 mm.
-fn least_of_head(p: &PointMm) -> f64 {
+/// Returns a lower bound of the distance field of the head, from a ball around head, trunk and tusk. Fields of
+/// ellipsoids rise by at least four fifths of the distance, and fillets subtract at most 2 mm.
+fn head_lower_bound(p: &PointMm) -> f64 {
     0.8 * sphere(p, PointMm::new(-24.0, 1.5, 12.0), 27.0) - 2.5
 }
 
@@ -57,8 +57,8 @@ impl Elephant {
 
 impl Solid for Elephant {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let chest = trunk_of_body(point);
-        let body = if least_of_head(point) < chest + NECK_FILLET {
+        let chest = torso(point);
+        let body = if head_lower_bound(point) < chest + NECK_FILLET {
             smooth_union(chest, self.head(point), NECK_FILLET)
         } else {
             chest
@@ -74,7 +74,7 @@ impl Solid for Elephant {
     }
 }
 
-fn trunk_of_body(p: &PointMm) -> f64 {
+fn torso(p: &PointMm) -> f64 {
     let chest = ellipsoid(p, PointMm::new(-1.0, 5.0, 10.8), PointMm::new(17.0, 16.0, 10.8));
     let rump = ellipsoid(p, PointMm::new(18.0, 4.5, 10.5), PointMm::new(16.0, 15.0, 10.5));
     smooth_union(chest, rump, 4.0)
@@ -97,7 +97,7 @@ mod tests {
         for i in 0..40_000_u32 {
             let at = |step: f64| 200.0 * (step * f64::from(i)).fract() - 100.0;
             let point = PointMm::new(at(0.819_172_5), at(0.671_043_6), at(0.549_700_5));
-            assert!(elephant.head(&point) > least_of_head(&point), "{point}");
+            assert!(elephant.head(&point) > head_lower_bound(&point), "{point}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The machine part: a toothed flange with a hub, a ring of countersunk bores and a key way.
+//! A machine part: a toothed flange with a hub, a ring of countersunk bores and a keyway.
 
 use crate::simulation::solid::{PointMm, Solid, cut, cylinder, length, rounded_box, sector, smooth_union, sphere};
 
@@ -8,8 +8,8 @@ pub(super) struct Machine;
 const TEETH: f64 = 28.0;
 const BORES: f64 = 6.0;
 const BORE_RING: f64 = 23.0;
-/// All cuts for the shaft lie within the first radius, all gaps of the teeth beyond the second, and the bores within
-/// the third of their ring, millimetres.
+/// All cuts for the shaft lie within the first radius, and all gaps between teeth beyond the second. The bores lie
+/// within the third radius of their ring. Millimetres.
 const SHAFT_REACH: f64 = 8.7;
 const GAP_REACH: f64 = 33.9;
 const BORE_REACH: f64 = 4.5;
@@ -20,7 +20,7 @@ impl Solid for Machine {
         let collar = cylinder(point, [0.0, 0.0], 15.5, [0.0, 13.0], 0.8);
         let hub = cylinder(point, [0.0, 0.0], 11.0, [0.0, 21.0], 0.6);
         let body = smooth_union(smooth_union(flange, collar, 2.0), hub, 1.5);
-        // Tools that do not reach the point change nothing.
+        // Cuts that do not reach the point are skipped.
         let radius = length(point.x, point.y);
         if radius < SHAFT_REACH {
             cut(body, shaft(point))
@@ -55,7 +55,7 @@ fn bores(p: &PointMm) -> f64 {
     hole.min(sphere(&p, PointMm::new(BORE_RING, 0.0, 7.5), 4.4))
 }
 
-/// Bore for the shaft with its key way.
+/// Bore for the shaft with its keyway.
 fn shaft(p: &PointMm) -> f64 {
     let bore = cylinder(p, [0.0, 0.0], 6.0, [2.0, 30.0], 0.0);
     bore.min(rounded_box(p, PointMm::new(0.0, 6.0, 16.0), PointMm::new(1.8, 2.4, 14.0), 0.0))

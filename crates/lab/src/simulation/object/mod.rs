@@ -1,5 +1,5 @@
 //! The measured objects as signed distance functions: the seven objects of the paper (section 3) in their sizes, and
-//! harder scenes.
+//! harder ones.
 
 mod clutter;
 mod crumbs;
@@ -24,17 +24,17 @@ pub enum Object {
     Plane,
     /// A three-sided prism beside a flight of steps.
     Prism,
-    /// A machine part: toothed flange with hub, bores and key way.
+    /// A machine part: toothed flange with hub, bores and keyway.
     Machine,
     /// A plaster arch with fourteen teeth.
     Teeth,
-    /// A single plaster tooth, a molar on its socle.
+    /// A single plaster tooth, a molar on its base.
     Tooth,
     /// The nose of a face, 43 mm deep.
     Nose,
     /// A toy elephant lying on its side.
     Elephant,
-    /// Bodies at many heights that hide and shadow each other, some dark, some glossy.
+    /// Solids at many heights that hide and shadow each other, some dark, some glossy.
     Clutter,
     /// Separate pieces of about 50 pixels each, at any height.
     Crumbs,
@@ -43,7 +43,7 @@ pub enum Object {
 }
 
 impl Object {
-    /// The paper's objects, in the order of its Table 1.
+    /// The objects of the paper, in the order of its Table 1.
     pub const PAPER: [Self; 7] =
         [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
 
@@ -61,7 +61,7 @@ impl Object {
         Self::Tray,
     ];
 
-    /// The names of all objects, for messages.
+    /// Returns the names of all objects, for messages.
     #[must_use]
     pub fn names() -> String {
         let [names @ .., last] = Self::ALL.map(Self::name);
@@ -85,7 +85,7 @@ impl Object {
         }
     }
 
-    /// Depth of the measurement volume for this object, metres.
+    /// Default depth of the measurement volume for this object, metres.
     #[must_use]
     pub fn usual_depth_m(self) -> f64 {
         match self {
@@ -94,7 +94,7 @@ impl Object {
         }
     }
 
-    /// Its default board.
+    /// Default board of the object.
     #[must_use]
     pub fn usual_board(self) -> Board {
         match self {
@@ -103,7 +103,7 @@ impl Object {
         }
     }
 
-    /// Its body.
+    /// The solid of the object.
     #[must_use]
     pub fn solid(self) -> Box<dyn Solid> {
         match self {
@@ -135,26 +135,26 @@ mod tests {
     use super::*;
     use crate::simulation::solid::PointMm;
 
-    /// Points distributed evenly over a box a quarter larger than the object's.
+    /// Points distributed evenly over a box a quarter larger than that of the object.
     fn points(solid: &dyn Solid, count: usize) -> impl Iterator<Item = PointMm> {
         let (min, max) = solid.bounds_mm();
         let (centre, half) = ((min + max) / 2.0, (max - min) / 1.6);
         (0..count).map(move |i| {
             // Steps of the generalized golden ratio fill the box evenly.
-            let place = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_478_0].map(|a: f64| (a * i as f64).fract());
-            centre + half.component_mul(&(PointMm::from(place) * 2.0).add_scalar(-1.0))
+            let shares = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_478_0].map(|a: f64| (a * i as f64).fract());
+            centre + half.component_mul(&(PointMm::from(shares) * 2.0).add_scalar(-1.0))
         })
     }
 
     #[test]
-    fn no_field_is_steeper_than_distance() {
+    fn no_field_rises_faster_than_distance() {
         for object in Object::ALL {
             let solid = object.solid();
             for p in points(solid.as_ref(), 4000) {
                 for step in [PointMm::x(), PointMm::y(), PointMm::z(), PointMm::new(0.6, -0.48, 0.64)] {
                     let step = step * 0.01;
                     let (here, there) = (solid.distance_mm(&p), solid.distance_mm(&(p + step)));
-                    // Inside, where rays never march, only the sign counts.
+                    // Inside, rays do not advance, and only the sign counts.
                     let change = if here > 0.0 && there > 0.0 { (there - here).abs() } else { 0.0 };
                     assert!(change <= step.norm() * (1.0 + 1e-9), "{object:?} at {p}: {}", change / step.norm());
                 }
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn every_object_lies_in_its_box_and_its_box_in_the_volume_except_the_tray() {
+    fn all_objects_lie_in_their_boxes_and_all_boxes_but_the_tray_in_the_volume() {
         for object in Object::ALL {
             let solid = object.solid();
             let (min, max) = solid.bounds_mm();

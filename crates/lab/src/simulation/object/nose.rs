@@ -1,4 +1,4 @@
-//! The nose: the middle of a plaster face, from the brows to the upper lip.
+//! A nose: the middle of a plaster face, from the brows to the upper lip.
 
 use crate::simulation::solid::{PointMm, Solid, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
 
@@ -33,7 +33,7 @@ fn face(p: &PointMm) -> f64 {
     smooth_cut(smooth_cut(body, philtrum, 2.0), lips, 1.2)
 }
 
-/// Bridge, tip and wings.
+/// Bridge, tip, wings and septum.
 fn nose(p: &PointMm) -> f64 {
     let bridge = round_cone(p, (PointMm::new(0.0, 19.0, 16.0), 4.5), (PointMm::new(0.0, -3.0, 33.0), 5.0));
     let tip = sphere(p, PointMm::new(0.0, -6.0, 36.0), 6.6);

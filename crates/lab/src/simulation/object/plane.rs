@@ -1,4 +1,4 @@
-//! The plane surface: a plate, tilted so that fringe orders change across it.
+//! A plane surface: a plate, tilted so that fringe orders change across it.
 
 use nalgebra::UnitQuaternion;
 

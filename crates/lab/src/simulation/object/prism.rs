@@ -1,19 +1,19 @@
-//! The prism: a three-sided prism lying on the board, and a flight of steps beside it.
+//! A three-sided prism lying on the board, and a flight of steps beside it.
 
 use crate::simulation::solid::{PointMm, Solid, rounded_box};
 
-/// Prism and steps; sharp edges, as milled.
+/// Prism and steps, with sharp edges as if milled.
 pub(super) struct Prism {
-    /// Outward normals of the prism's two upper faces.
+    /// Outward normals of the two upper faces of the prism.
     faces: [PointMm; 2],
-    /// Sine and cosine of the prism's rotation on the board.
+    /// Sine and cosine of the rotation of the prism on the board.
     turn: [f64; 2],
 }
 
-/// Height of the prism's ridge and half of its width at the board.
+/// Height of the ridge of the prism, and half of its width at the board.
 const RIDGE: f64 = 20.0;
 const HALF_WIDTH: f64 = 18.0;
-/// Half of the prism's length.
+/// Half of the length of the prism.
 const HALF_LENGTH: f64 = 29.0;
 /// Rotation of the prism on the board, rad.
 const TURN_RAD: f64 = 0.30;

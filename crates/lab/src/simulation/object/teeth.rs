@@ -1,4 +1,4 @@
-//! The set of teeth: a plaster arch with fourteen teeth, incisors to molars.
+//! A set of teeth: a plaster arch with fourteen teeth, incisors to molars.
 
 use crate::simulation::solid::{PointMm, RoundCone, Solid, rounded_box, smooth_cut, smooth_union, sphere};
 
@@ -9,7 +9,7 @@ pub(super) struct Teeth {
     teeth: Vec<Tooth>,
 }
 
-/// One tooth in its place.
+/// A tooth in its place.
 struct Tooth {
     centre: PointMm,
     /// Sine and cosine of the direction along the arch.
@@ -17,11 +17,12 @@ struct Tooth {
     /// Half width along the arch, half depth across.
     half: [f64; 2],
     cusps: &'static [[f64; 2]],
-    /// Along the arch, between the inner and the outer cusps.
+    /// Groove along the arch, between the inner and the outer cusps.
     fissure: RoundCone,
 }
 
-/// Half width along the arch, half depth across, height of the crown: second molar to central incisor, millimetres.
+/// Half width along the arch, half depth across, and height of the crown, from second molar to central incisor,
+/// millimetres.
 const SIZES: [[f64; 3]; 7] = [
     [4.6, 4.7, 17.0],
     [4.8, 4.8, 17.6],
@@ -41,14 +42,14 @@ const INCISOR: &[[f64; 2]] = &[];
 const ARCH: [f64; 2] = [26.0, 43.0];
 /// Position of the back of the arch along y.
 const BACK_Y: f64 = -21.0;
-/// Height at which the crowns leave the ridge.
+/// Height at which the crowns emerge from the ridge.
 const RIDGE_Z: f64 = 8.5;
 const RIDGE_RADIUS: f64 = 6.2;
-/// Radius of a ball that encloses a tooth, about the middle of its crown and root, and the depth of that middle below
+/// Radius of a ball that encloses a tooth, centred in the middle of crown and root; and the depth of that centre below
 /// the top of the crown, millimetres.
 const REACH: f64 = 11.0;
 const MIDDLE_DEPTH: f64 = 6.0;
-/// Distances are clamped to this value: no fillet reaches farther, and it saves most of the work.
+/// Distances are clamped to this value. No fillet reaches farther, and clamping saves most of the work.
 const FAR: f64 = 2.5;
 
 impl Teeth {
@@ -78,14 +79,14 @@ impl Teeth {
     }
 }
 
-/// Positions on the ridge and directions along the arch: teeth side by side on half an ellipse.
+/// Returns positions on the ridge and directions along the arch: the teeth are side by side on half an ellipse.
 fn places() -> Vec<(PointMm, f64)> {
     let steps = 4000;
     let on_arch = |i: usize| {
         let angle = std::f64::consts::PI * i as f64 / f64::from(steps);
         PointMm::new(-ARCH[0] * angle.cos(), BACK_Y + ARCH[1] * angle.sin(), RIDGE_Z - 4.0)
     };
-    // The length of an ellipse has no closed form: a table of it along the arch, in which places are looked up.
+    // The arc length of an ellipse has no closed form, so positions are looked up in a table of it.
     let mut lengths = vec![0.0];
     for i in 0..steps as usize {
         lengths.push(lengths[i] + (on_arch(i + 1) - on_arch(i)).norm());

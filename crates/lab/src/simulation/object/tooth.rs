@@ -1,8 +1,8 @@
-//! The plaster tooth: a molar, its crown with four cusps and crossing fissures, on a socle.
+//! A plaster tooth: a molar on a base, its crown with four cusps and crossing fissures.
 
 use crate::simulation::solid::{PointMm, Solid, cylinder, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
 
-/// A molar of 15 mm × 13.5 mm, 20 mm high with its socle.
+/// A molar of 15 mm × 13.5 mm, 20 mm high with its base.
 pub(super) struct Tooth;
 
 /// Position (x, y), height of the centre and radius of the cusps.
@@ -11,9 +11,9 @@ const CUSPS: [[f64; 4]; 4] =
 
 impl Solid for Tooth {
     fn distance_mm(&self, point: &PointMm) -> f64 {
-        let socle = cylinder(point, [0.0, 0.0], 12.5, [0.0, 4.0], 1.0);
+        let base = cylinder(point, [0.0, 0.0], 12.5, [0.0, 4.0], 1.0);
         let rim = cylinder(point, [0.0, 0.0], 9.0, [2.0, 6.0], 1.4);
-        smooth_union(smooth_union(socle, rim, 1.5), crown(point), 1.2)
+        smooth_union(smooth_union(base, rim, 1.5), crown(point), 1.2)
     }
 
     fn bounds_mm(&self) -> (PointMm, PointMm) {

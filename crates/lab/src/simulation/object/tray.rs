@@ -1,4 +1,4 @@
-//! A tray of pieces, larger than the field of view, so that a scanner must be moved over it.
+//! A tray of pieces, larger than the field of view, so that the scanner must be moved over it.
 
 use crate::simulation::solid::{PointMm, Solid, length, smooth_union, sphere};
 
@@ -9,13 +9,13 @@ pub(super) struct Tray {
     pieces: [Piece; 4],
 }
 
-/// A body at its place.
+/// A solid in its place.
 struct Piece {
     solid: Box<dyn Solid>,
     /// Position of its frame on the tray, and sine and cosine of its rotation there.
     place: [f64; 2],
     turn: [f64; 2],
-    /// Box about it in its own frame: centre and half its size.
+    /// Box around it in its own frame: centre and half its size.
     middle: PointMm,
     half: PointMm,
 }
@@ -31,23 +31,23 @@ const PIECES: [(Object, [f64; 2], f64); 4] = [
 const HALF: [f64; 2] = [84.0, 72.0];
 const HEIGHT: f64 = 5.0;
 const DOME_RADIUS: f64 = 1500.0;
-/// Fillet between plate and pieces; pieces farther away have no effect.
+/// Fillet between plate and pieces. Pieces farther away have no effect.
 const FILLET: f64 = 0.8;
 
 impl Tray {
     pub(super) fn new() -> Self {
         let piece = |(object, place, turn_rad): (Object, [f64; 2], f64)| {
             let solid = object.solid();
-            let (least, most) = solid.bounds_mm();
+            let (min, max) = solid.bounds_mm();
             let turn = turn_rad.sin_cos().into();
-            Piece { solid, place, turn, middle: (least + most) / 2.0, half: (most - least) / 2.0 }
+            Piece { solid, place, turn, middle: (min + max) / 2.0, half: (max - min) / 2.0 }
         };
         Self { pieces: PIECES.map(piece) }
     }
 }
 
 impl Piece {
-    /// Distance from it where that is below `limit`; otherwise a lower bound of at least `limit`.
+    /// Distance from the piece if that is below `limit`. Otherwise a lower bound of at least `limit`.
     fn distance(&self, point: &PointMm, limit: f64) -> f64 {
         let [x, y] = [point.x - self.place[0], point.y - self.place[1]];
         let [sin, cos] = self.turn;

@@ -1,4 +1,4 @@
-//! Pairs and skew of two cameras that start at different times, run free, or share a trigger.
+//! Pairs and skew of two cameras that start at different times, run freely, or share a trigger.
 
 use super::*;
 
@@ -48,7 +48,7 @@ fn dropped(sync: &Synchronizer<u64>, reason: DropReason) -> u64 {
 }
 
 #[test]
-fn the_images_before_the_other_camera_began_have_no_partner() {
+fn images_before_the_start_of_the_other_camera_have_no_partner() {
     let second_ns = 1_000_000_000;
     let (mut sync, windows) = run([second_ns, second_ns + 7 * PERIOD_NS + 40_000], [PERIOD_NS; 2], 30);
     assert_eq!(dropped(&sync, DropReason::Unpaired), 7);
@@ -63,8 +63,8 @@ fn the_images_before_the_other_camera_began_have_no_partner() {
 }
 
 #[test]
-fn cameras_that_run_free_are_paired_until_they_have_drifted_apart() {
-    // Camera 2 is slower by 3.1 in 1000, so that it slips by an image every 323.
+fn free_running_cameras_are_paired_until_they_slip_by_an_image() {
+    // The period of camera 2 is longer by 0.31 %, so that it slips by an image every 323 images.
     let (mut sync, windows) = run([1_000_000_000; 2], [PERIOD_NS, PERIOD_NS + 31_000], 2000);
     let half_ns = PERIOD_NS as i64 / 2;
     let skew = sync.take_skew();
@@ -79,7 +79,7 @@ fn cameras_that_run_free_are_paired_until_they_have_drifted_apart() {
 }
 
 #[test]
-fn cameras_on_one_trigger_are_never_parted() {
+fn all_images_of_cameras_with_a_shared_trigger_are_paired() {
     let (mut sync, windows) = run([1_000_000_000, 1_000_012_000], [PERIOD_NS; 2], 500);
     let skew = sync.take_skew();
     assert_eq!((skew.pairs, skew.least_ns, skew.greatest_ns), (500, 12_000, 12_000));

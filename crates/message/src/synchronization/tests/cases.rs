@@ -1,4 +1,4 @@
-//! Single cases, constructed by hand.
+//! Single cases, written by hand.
 
 use std::rc::Rc;
 
@@ -68,7 +68,7 @@ fn dropped<F: Clone>(sync: &Synchronizer<F>, stage: Stage) -> Vec<(DropReason, u
 }
 
 #[test]
-fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once() {
+fn disjoint_windows_contain_one_cycle_each_and_the_last_one_is_not_delayed() {
     let mut sync = Synchronizer::new(Settings { window_stride: STEPS, ..settings() }).unwrap();
     (2..12).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
     let windows = take_all(&mut sync);
@@ -84,7 +84,7 @@ fn windows_apart_by_their_length_hold_one_cycle_each_and_the_last_comes_at_once(
 }
 
 #[test]
-fn a_sliding_window_keeps_the_order_of_the_exposures_and_says_its_first_step() {
+fn a_sliding_window_keeps_the_order_of_the_exposures_and_states_its_first_step() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     (0..6).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
     let windows = take_all(&mut sync);
@@ -103,7 +103,7 @@ fn a_longer_window_needs_more_pairs_in_a_row() {
 }
 
 #[test]
-fn a_silent_camera_leaves_no_more_images_held_than_may_wait() {
+fn if_a_camera_is_silent_no_more_images_are_held_than_may_wait() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     let pixels = Rc::new(());
     for exposure in 0..100 {
@@ -166,7 +166,7 @@ fn a_driver_number_that_contradicts_the_time_costs_its_pair_and_breaks_the_windo
 }
 
 #[test]
-fn a_number_that_both_cameras_skip_breaks_the_window_though_times_run_on() {
+fn a_number_skipped_by_both_cameras_breaks_the_window_although_the_times_are_regular() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     (0..5).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
     (5..12).for_each(|exposure| expose(&mut sync, exposure, |header| header.sequence += 1));
@@ -191,7 +191,7 @@ fn a_step_out_of_turn_breaks_the_window() {
 }
 
 #[test]
-fn a_recording_that_is_replayed_again_is_taken_up_again() {
+fn windows_continue_when_a_recording_is_replayed_a_second_time() {
     let mut sync = Synchronizer::new(settings()).unwrap();
     for _ in 0..2 {
         (0..40).for_each(|exposure| expose(&mut sync, exposure, |_| {}));
@@ -215,7 +215,7 @@ fn a_restarted_service_counts_what_it_missed() {
 }
 
 #[test]
-fn a_new_driver_whose_first_events_were_lost_has_them_counted() {
+fn lost_first_events_of_a_restarted_driver_are_counted() {
     let mut sync = Synchronizer::<()>::new(settings()).unwrap();
     sync.push_pattern(event(100));
     sync.push_pattern(PatternEvent { session: 4, sequence: 3, ..event(101) });
@@ -224,7 +224,7 @@ fn a_new_driver_whose_first_events_were_lost_has_them_counted() {
 }
 
 #[test]
-fn an_image_of_no_camera_is_malformed_and_an_event_without_use_is_counted() {
+fn an_image_of_an_unknown_camera_is_malformed_and_an_unused_event_is_counted() {
     let mut sync = Synchronizer::new(Settings { source: StepSource::Cycle, ..settings() }).unwrap();
     for camera in [0, 3, u32::MAX] {
         sync.push_frame(FrameHeader { camera, ..header(1, 0) }, ());

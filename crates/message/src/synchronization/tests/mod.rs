@@ -1,4 +1,4 @@
-//! Random streams against their truth, and single cases.
+//! Compares the windows of random streams with the expected ones, and tests single cases.
 
 mod cameras;
 mod cases;
@@ -35,7 +35,7 @@ fn synchronizer(settings: Settings) -> Synchronizer<Truth> {
     sync
 }
 
-/// Feeds three channels, each in its order. `choices` selects the next channel.
+/// Feeds the messages of three channels, each in its order. `choices` selects the channel of the next message.
 fn interleave(
     sync: &mut Synchronizer<Truth>,
     channels: &[Vec<Message>; 3],
@@ -54,7 +54,8 @@ fn interleave(
     out
 }
 
-/// Every image is in its place: the same exposure in both cameras, the step of the place, consecutive exposures.
+/// Asserts that each pair shows the same exposure in both cameras and the expected step, and that the exposures are
+/// consecutive.
 fn assert_not_mixed(window: &WindowImages<Truth>, plan: &Plan) {
     let (cam1, cam2) = (&window.cam1, &window.cam2);
     assert_eq!((cam1.len(), cam2.len()), (plan.images, plan.images));
@@ -78,10 +79,10 @@ fn choices() -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(0..3_u8, 1..200)
 }
 
-/// Spoils one field of at most every third exposure, so that no spoilt image agrees with a spoilt neighbour.
-fn spoil(channels: &mut [Vec<Message>; 3], spoilings: &[(u8, i64)], longest_shift_ns: i64) {
-    for (message, &(field, amount)) in channels.iter_mut().flatten().zip(spoilings.iter().cycle()) {
-        let shift_ns = amount % longest_shift_ns;
+/// Corrupts one field of at most every third exposure, so that no corrupted image agrees with a corrupted neighbour.
+fn corrupt(channels: &mut [Vec<Message>; 3], corruptions: &[(u8, i64)], max_shift_ns: i64) {
+    for (message, &(field, amount)) in channels.iter_mut().flatten().zip(corruptions.iter().cycle()) {
+        let shift_ns = amount % max_shift_ns;
         match message {
             Message::Frame(header, truth) if truth.exposure % 3 == 0 => match field {
                 0 => header.session = header.session.wrapping_add_signed(amount % 3),
@@ -110,7 +111,7 @@ fn spoil(channels: &mut [Vec<Message>; 3], spoilings: &[(u8, i64)], longest_shif
     }
 }
 
-fn spoilings() -> impl Strategy<Value = Vec<(u8, i64)>> {
+fn corruptions() -> impl Strategy<Value = Vec<(u8, i64)>> {
     prop::collection::vec((0..16_u8, any::<i64>()), 50..200)
 }
 
@@ -118,7 +119,7 @@ proptest! {
     #![proptest_config(Config { cases: 600, failure_persistence: None, ..Config::default() })]
 
     #[test]
-    fn windows_are_those_of_the_truth_and_counts_add_up(plan in plan(), choices in choices()) {
+    fn windows_are_as_expected_and_counts_add_up(plan in plan(), choices in choices()) {
         let stream = plan.stream();
         let mut sync = synchronizer(plan.settings());
         let windows = interleave(&mut sync, &stream.channels, &choices);
@@ -134,7 +135,7 @@ proptest! {
     }
 
     #[test]
-    fn channels_in_turn_need_no_more_waiting_than_is_held(plan in plan()) {
+    fn if_channels_are_read_in_turn_no_image_exceeds_the_waiting_limit(plan in plan()) {
         let stream = plan.stream();
         let settings = Settings { max_waiting: plan.images + 3, ..plan.settings() };
         let mut sync = synchronizer(settings);
@@ -147,11 +148,11 @@ proptest! {
     }
 
     #[test]
-    fn spoilt_messages_never_mix_windows(
-        plan in plan(), spoilings in spoilings(), choices in choices(), max_waiting in 4..12_usize,
+    fn corrupted_messages_never_mix_windows(
+        plan in plan(), corruptions in corruptions(), choices in choices(), max_waiting in 4..12_usize,
     ) {
         let mut stream = plan.stream();
-        spoil(&mut stream.channels, &spoilings, i64::MAX);
+        corrupt(&mut stream.channels, &corruptions, i64::MAX);
         let mut sync = synchronizer(Settings { max_waiting, ..plan.settings() });
         let windows = interleave(&mut sync, &stream.channels, &choices);
         windows.iter().for_each(|window| assert_not_mixed(window, &plan));
@@ -159,11 +160,11 @@ proptest! {
     }
 
     #[test]
-    fn windows_do_not_depend_on_how_channels_interleave(
-        plan in plan(), spoilings in spoilings(), one in choices(), other in choices(),
+    fn windows_do_not_depend_on_the_interleaving_of_the_channels(
+        plan in plan(), corruptions in corruptions(), one in choices(), other in choices(),
     ) {
         let mut stream = plan.stream();
-        spoil(&mut stream.channels, &spoilings, PERIOD_NS as i64 * 3 / 2);
+        corrupt(&mut stream.channels, &corruptions, PERIOD_NS as i64 * 3 / 2);
         let [first, second] = [one, other].map(|choices| {
             let mut sync = synchronizer(plan.settings());
             let windows = interleave(&mut sync, &stream.channels, &choices);
@@ -173,7 +174,8 @@ proptest! {
     }
 }
 
-/// The messages as they would arrive: each channel in its order, images 1.5 periods after the start of their exposure.
+/// Returns the messages in the order of arrival: each channel in its order, images 1.5 periods after the start of their
+/// exposure.
 fn in_order_of_arrival(channels: &[Vec<Message>; 3]) -> Vec<Message> {
     let mut timed = Vec::new();
     for messages in channels {

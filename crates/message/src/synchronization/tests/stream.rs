@@ -1,4 +1,4 @@
-//! Random streams of three channels with their truth: the exposures, the fate of each, and the expected windows.
+//! Random streams of three channels: the exposures, what happens to each, and the expected windows.
 
 use proptest::prelude::*;
 
@@ -10,7 +10,7 @@ pub(super) const PERIOD_NS: u64 = 10_000_000;
 pub(super) const PERIOD_PX: f64 = 16.0;
 const START_NS: u64 = 5_000_000_000;
 
-/// The truth about an image, in place of its pixels.
+/// The true properties of an image, used in place of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Truth {
     pub(super) camera: u32,
@@ -25,7 +25,7 @@ pub(super) enum Message {
     Pattern(PatternEvent),
 }
 
-/// The fate of one exposure in one channel.
+/// What happens to one exposure in one channel.
 #[derive(Clone, Debug)]
 pub(super) struct Fate {
     pub(super) kind: Kind,
@@ -40,13 +40,13 @@ pub(super) enum Kind {
     /// Lost in the channel.
     Overrun,
     Twice,
-    /// Arrives after this many later ones.
+    /// Arrives after this many later messages.
     Behind(usize),
-    /// The first of a restarted sender.
+    /// The first message of a restarted sender.
     Restart,
-    /// Arrives and is useless: a damaged image, an event without a valid step.
+    /// Arrives but cannot be used: a damaged image, or an event without a valid step.
     Useless(u8),
-    /// An event followed by one of the same exposure with another content.
+    /// An event followed by another one for the same exposure with different content.
     Contradicted,
 }
 
@@ -90,7 +90,7 @@ fn kind() -> impl Strategy<Value = Kind> {
     ]
 }
 
-/// Random fates. The last exposures are fine, so that no gap stays open at the end.
+/// Random fates. The last exposures arrive normally, so that no gap stays open at the end.
 fn fates(exposures: usize) -> impl Strategy<Value = Vec<Fate>> {
     let jitter = -(PERIOD_NS as i64) * 8 / 100..PERIOD_NS as i64 * 8 / 100;
     let fates =
@@ -119,7 +119,7 @@ pub(super) fn plan() -> impl Strategy<Value = Plan> {
         })
 }
 
-/// Shows only what is out of the ordinary.
+/// Shows only the pauses and the exposures that do not arrive normally.
 impl std::fmt::Debug for Plan {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { steps, images, window_stride, cycle, skew_ns, .. } = self;
@@ -140,7 +140,7 @@ impl std::fmt::Debug for Plan {
     }
 }
 
-/// One channel: its messages in the order sent, and which of them the receiver must find usable.
+/// One channel: its messages in the order of sending, and which of them the receiver must accept as usable.
 struct Channel {
     messages: Vec<Message>,
     usable: Vec<bool>,
@@ -242,11 +242,11 @@ impl Plan {
         out
     }
 
-    /// The exposures that the sender did not lose, in the order in which it sends them; sessions do not mix.
+    /// Returns the exposures that the sender did not lose, in the order of sending. Sessions do not mix.
     fn order_sent(&self, channel: usize, numbers: &[(u64, u64)]) -> Vec<usize> {
         let kind = |k: usize| self.fates[channel][k].kind;
         let mut sent: Vec<usize> = (0..self.exposures()).filter(|&k| kind(k) != Kind::Lost).collect();
-        // Four late items in a row would be taken for a restart.
+        // Four late items in a row would be mistaken for a restart.
         let behind = |k: usize| match kind(k) {
             Kind::Behind(later) if later < 3 || k.is_multiple_of(5) => 2 * later + 1,
             _ => 0,

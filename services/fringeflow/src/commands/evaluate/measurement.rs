@@ -1,4 +1,5 @@
-//! Measuring a scene of the virtual scanner: its dataset in a temporary folder, and what the proposed method makes of it.
+//! Measures a scene of the virtual scanner: simulates its dataset in a temporary folder, reconstructs it with the
+//! proposed method, and compares the cloud with the truth.
 
 use std::time::{Duration, Instant};
 
@@ -12,23 +13,23 @@ use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 use crate::truth;
 
-/// A simulated dataset, removed with this.
-pub(super) struct Simulated {
+/// A simulated dataset in a temporary folder, which is removed on drop.
+pub(super) struct SimulatedDataset {
     pub(super) summary: SimulationSummary,
     input: Input,
     _folder: tempfile::TempDir,
 }
 
-/// What the proposed method makes of a dataset.
+/// Result of the proposed method on a dataset.
 pub(super) struct Measurement {
     pub(super) scores: Scores,
     pub(super) statistics: Statistics,
-    /// Time that the reconstruction took, segment table and reading the images included.
+    /// Duration of the reconstruction, including the segment table and the reading of the images.
     pub(super) duration: Duration,
 }
 
-impl Simulated {
-    /// Takes the images of a scene, and the reference data that Gray code finds in them.
+impl SimulatedDataset {
+    /// Simulates the images of a scene, and finds the Gray-code reference in them.
     pub(super) fn new(options: SimulationOptions) -> Result<Self, Failure> {
         let folder = output_folder::temporary()?;
         let simulation = Simulation::new(options)?;
@@ -37,25 +38,25 @@ impl Simulated {
         Ok(Self { summary: simulation.summary(), input: Input::open(&target, None)?, _folder: folder })
     }
 
-    /// Reconstructs and judges.
+    /// Reconstructs the dataset and compares the cloud with the truth.
     pub(super) fn measure(&self, proposed: &ProposedArgs) -> Result<Measurement, Failure> {
         let start = Instant::now();
-        let made = proposed.reconstruct(&self.input)?;
+        let output = proposed.reconstruct(&self.input)?;
         let duration = start.elapsed();
         let missing = || Failure::Usage(format!("{}: the simulated dataset has no truth", self.input.path().display()));
-        let evaluation =
-            truth::evaluate(&self.input, &made.reconstruction.cloud, Some(made.image))?.ok_or_else(missing)?;
-        Ok(Measurement { scores: evaluation.scores, statistics: Statistics::of(&made), duration })
+        let evaluation = truth::evaluate(&self.input, &output.reconstruction.cloud, Some(output.middle_image))?
+            .ok_or_else(missing)?;
+        Ok(Measurement { scores: evaluation.scores, statistics: Statistics::new(&output), duration })
     }
 
-    /// Why a measurement failed, without the temporary folder that nobody will find.
-    pub(super) fn reason(&self, failure: &Failure) -> String {
+    /// Text of a failure without the path of the temporary folder, which will not exist any more.
+    pub(super) fn failure_text(&self, failure: &Failure) -> String {
         let (text, folder) = (failure.to_string(), format!("{}: ", self.input.path().display()));
         text.strip_prefix(&folder).unwrap_or(&text).to_owned()
     }
 }
 
-/// The paper's situation: n about 6, sd 0.041, 7 images of Gray code.
-pub(super) fn options(object: Object, steps: usize) -> SimulationOptions {
+/// Options for the conditions of the paper: n about 6, sd 0.041 rad, 7 Gray-code images.
+pub(super) fn paper_options(object: Object, steps: usize) -> SimulationOptions {
     SimulationOptions { steps, ..SimulationOptions::usual(object) }
 }

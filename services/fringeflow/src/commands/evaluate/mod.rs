@@ -1,4 +1,4 @@
-//! `fringeflow evaluate`: reconstructs a dataset or a recording and compares the cloud with what is known of the scene.
+//! `fringeflow evaluate`: reconstructs a dataset or a recording and compares the cloud with a reference.
 
 mod measurement;
 mod paper;
@@ -14,7 +14,7 @@ use fringeflow_lab::simulation::Object;
 
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::method::{Made, Method};
+use crate::method::{Method, MethodOutput};
 use crate::output_folder;
 use crate::pictures;
 use crate::proposed::ProposedArgs;
@@ -23,11 +23,11 @@ use crate::values::{one_of, unit};
 
 use self::sweep::Knob;
 
-/// What a cloud is compared with.
+/// Reference that a cloud is compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Against {
-    /// The truth of the dataset: exact for rendered ones, a Gray-code reference for captured ones.
+    /// The truth of the dataset: exact for rendered datasets, a Gray-code reference for captured ones.
     Truth,
     /// The cloud that Gray code with epipolar lines (EGC) finds in the same images.
     Gray,
@@ -45,13 +45,13 @@ pub(crate) struct Args {
     /// Method that finds the correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Measure the paper's seven objects with the virtual scanner, and print the paper's tables beside ours. Of the options
-    /// of the method only --resolution counts here.
+    /// Measure the paper's seven objects with the virtual scanner, and print the paper's tables beside ours. Of the
+    /// options of the method, only --resolution has an effect.
     #[arg(long, conflicts_with = "input")]
     paper: bool,
-    /// Measure the virtual scanner in series of scenes. Three series raise the expected false candidates: by the depth of the
-    /// volume, the error of the calibration and the fringe period. One moves a board from 30 mm before the volume to 1000 mm
-    /// behind it, and one takes 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
+    /// Measure the virtual scanner in series of scenes. Three series raise the expected false candidates: by the depth
+    /// of the volume, the calibration error and the fringe period. One moves a board from 30 mm before the volume to
+    /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
     #[arg(long, conflicts_with_all = ["input", "paper"], requires = "output")]
     sweep: bool,
     /// Folder for the files of --sweep.
@@ -77,7 +77,7 @@ pub(crate) struct Args {
         requires = "sweep"
     )]
     series: Vec<Knob>,
-    /// Unit of the calibration, if the dataset states none.
+    /// Unit of the calibration, if the dataset does not state one.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
     /// Folder for pictures. judgement.png shows the right and the wrong points.
@@ -100,23 +100,23 @@ impl Args {
             return sweep::run(folder, &self.objects, &self.series, self.json);
         }
         let Some(input) = &self.input else {
-            return paper::run(&self.proposed.resolution_alone(), self.json);
+            return paper::run(&self.proposed.resolution_only(), self.json);
         };
         let input = Input::open(input, self.units)?;
-        let made = self.method.run(&input, &self.proposed)?;
-        let evaluation = self.judge(&input, &made)?;
+        let output = self.method.run(&input, &self.proposed)?;
+        let evaluation = self.evaluate(&input, &output)?;
         if let Some(folder) = &self.preview {
-            pictures::write(folder, &input, &made)?;
+            pictures::write(folder, &input, &output)?;
         }
-        report::print(&input.setup().name, self, &made, &evaluation)
+        report::print(&input.setup().name, self, &output, &evaluation)
     }
 
-    fn judge(&self, input: &Input, made: &Made) -> Result<Evaluation, Failure> {
+    fn evaluate(&self, input: &Input, output: &MethodOutput) -> Result<Evaluation, Failure> {
         if self.against == Against::Gray {
             let reference = egc(input.folder()?)?;
-            return against_cloud(&made.cloud, input.setup().image_size_px, &reference).map_err(Failure::unusable);
+            return against_cloud(&output.cloud, input.setup().image_size_px, &reference).map_err(Failure::unusable);
         }
-        truth::evaluate(input, &made.cloud, made.image())?.ok_or_else(|| {
+        truth::evaluate(input, &output.cloud, output.middle_image())?.ok_or_else(|| {
             let file = input.path().join(TRUTH_FILE);
             Failure::Usage(format!("{} is missing; give --against gray", file.display()))
         })

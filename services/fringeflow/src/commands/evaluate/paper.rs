@@ -1,4 +1,5 @@
-//! `fringeflow evaluate --paper`: the paper's seven objects on the virtual scanner, and its tables beside ours.
+//! `fringeflow evaluate --paper`: measures the paper's seven objects with the virtual scanner, and prints the paper's
+//! tables beside ours.
 
 use std::io::Write as _;
 
@@ -14,11 +15,11 @@ use crate::progress;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 
-use super::measurement::{Measurement, Simulated, options};
+use super::measurement::{Measurement, SimulatedDataset, paper_options};
 
-/// Phase steps of the paper's Table 2, in its order.
+/// Numbers of phase steps in the paper's Table 2, in its order.
 const STEPS: [usize; 3] = [16, 8, 4];
-/// Steps with which Table 1 was measured.
+/// Number of phase steps in the paper's Table 1.
 const TABLE_1_STEPS: usize = 16;
 
 #[derive(Serialize)]
@@ -77,7 +78,7 @@ pub(super) fn run(proposed: &ProposedArgs, json: bool) -> Result<(), Failure> {
 }
 
 fn measure(object: Object, steps: usize, proposed: &ProposedArgs) -> Result<Row, Failure> {
-    let simulated = Simulated::new(options(object, steps))?;
+    let simulated = SimulatedDataset::new(paper_options(object, steps))?;
     let Measurement { scores, statistics, .. } = simulated.measure(proposed)?;
     Ok(Row { object: object.name(), steps, scores, statistics, simulated: simulated.summary })
 }
@@ -107,9 +108,10 @@ fn name_in_paper(object: &str) -> &str {
     }
 }
 
-/// Images that our sequences have: phase images alone, with the Gray code of one direction, and of both.
+/// Numbers of images of our sequences: phase images only, with the Gray code of one direction, and with that of both.
 fn table_2(rows: &[Row]) -> Vec<SequenceRow> {
     let first = |steps: usize| rows.iter().find(|row| row.steps == steps);
+    // A simulated sequence has phase images, Gray code, a white and a black image.
     let gray = first(STEPS[0]).map_or(0, |row| row.simulated.images.saturating_sub(STEPS[0] + 2)) as u64;
     let images = |method: &str, steps: u64| match method {
         "CGC" => 2 * (steps + gray),

@@ -1,4 +1,4 @@
-//! The figures of an evaluation as text or JSON.
+//! Prints the figures of an evaluation as text or JSON.
 
 use std::io::Write as _;
 
@@ -7,8 +7,8 @@ use serde::Serialize;
 use fringeflow_lab::evaluation::{Evaluation, Judgement, ReliabilityPart, Scores, reliability};
 
 use crate::failure::Failure;
-use crate::method::{Made, Method};
-use crate::proposed::Proposed;
+use crate::method::{Method, MethodOutput};
+use crate::proposed::ProposedOutput;
 use crate::statistics::Statistics;
 
 use super::{Against, Args};
@@ -22,30 +22,30 @@ struct Report<'a> {
     scores: &'a Scores,
     #[serde(flatten)]
     unique: Unique,
-    /// What confidences were stated, and how many points are true, in ten equal parts.
+    /// Stated confidence and share of true points, in ten equal parts of the points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     reliability: Vec<ReliabilityPart>,
     #[serde(flatten)]
     statistics: Option<Statistics>,
 }
 
-/// Points whose pixel had one candidate only, and how many of those are right.
+/// Correctness of the points, among them the unique ones: those whose pixel had a single candidate.
 #[derive(Clone, Copy, Serialize)]
 struct Unique {
-    /// Of the unique points that can be judged, percent; `None` where there are none.
+    /// Correct points among the unique points that can be judged, percent; `None` without any.
     unique_correct_percent: Option<f64>,
     /// Standard deviation of δ over the correct points, rad; `None` without any.
     correct_delta_sd_rad: Option<f64>,
 }
 
 /// Prints the figures to standard output.
-pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation) -> Result<(), Failure> {
-    let statistics = made.proposed.as_ref().map(Statistics::of);
-    let unique = unique(made, &evaluation.judgements);
-    let stated = |made: &Proposed| {
-        reliability(&made.reconstruction.cloud, &evaluation.judgements, made.reconstruction.cam1.width)
+pub(super) fn print(set: &str, args: &Args, output: &MethodOutput, evaluation: &Evaluation) -> Result<(), Failure> {
+    let statistics = output.proposed.as_ref().map(Statistics::new);
+    let unique = unique(output, &evaluation.judgements);
+    let reliability_parts = |ProposedOutput { reconstruction, .. }: &ProposedOutput| {
+        reliability(&reconstruction.cloud, &evaluation.judgements, reconstruction.cam1.width)
     };
-    let reliability = made.proposed.as_ref().map_or_else(Vec::new, stated);
+    let reliability = output.proposed.as_ref().map_or_else(Vec::new, reliability_parts);
     let scores = &evaluation.scores;
     let mut out = std::io::stdout().lock();
     if args.json {
@@ -70,13 +70,13 @@ pub(super) fn print(set: &str, args: &Args, made: &Made, evaluation: &Evaluation
     Ok(())
 }
 
-fn unique(made: &Made, judgements: &[Judgement]) -> Unique {
-    let Some(Proposed { reconstruction, .. }) = &made.proposed else {
+fn unique(output: &MethodOutput, judgements: &[Judgement]) -> Unique {
+    let Some(ProposedOutput { reconstruction, .. }) = &output.proposed else {
         return Unique { unique_correct_percent: None, correct_delta_sd_rad: None };
     };
     let (mut right, mut judged) = (0_u64, 0_u64);
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for point in &made.cloud.points {
+    for point in &output.cloud.points {
         let pixel = usize::from(point.cam1_px[1]) * reconstruction.cam1.width + usize::from(point.cam1_px[0]);
         let correct = judgements[pixel] == Judgement::Correct;
         let false_positive = matches!(judgements[pixel], Judgement::Wrong | Judgement::Stray);
@@ -97,14 +97,14 @@ fn unique(made: &Made, judgements: &[Judgement]) -> Unique {
     }
 }
 
-/// Stated and true confidence of the doubtful tenth of the points and of all; `None` where none is stated.
+/// Stated and true confidence of all points and of the least confident tenth; `None` if no confidence is stated.
 fn reliability_line(parts: &[ReliabilityPart]) -> Option<String> {
     let lowest = parts.first()?;
-    let mean = |of: fn(&ReliabilityPart) -> f64| parts.iter().map(of).sum::<f64>() / parts.len() as f64;
+    let mean = |percent: fn(&ReliabilityPart) -> f64| parts.iter().map(percent).sum::<f64>() / parts.len() as f64;
     let off = parts.iter().map(|part| (part.stated_percent - part.true_percent).abs()).fold(0.0, f64::max);
     Some(format!(
-        "confidence {:.3} % stated, {:.3} % true; doubtful tenth {:.2} % stated, {:.2} % true; no tenth is off by more \
-         than {off:.2} points",
+        "confidence {:.3} % stated, {:.3} % true; least confident tenth {:.2} % stated, {:.2} % true; no tenth is \
+         off by more than {off:.2} percentage points",
         mean(|part| part.stated_percent),
         mean(|part| part.true_percent),
         lowest.stated_percent,
@@ -118,7 +118,8 @@ fn text(set: &str, s: &Scores) -> String {
     let millimetres = |metres: Option<f64>| metres.map_or_else(|| "–".to_owned(), |m| format!("{:.4} mm", m * 1e3));
     format!(
         "{set}: {} points, {} reference correspondences, {} unjudged points\n\
-         com         {:9.4} %{interior}\nmiss        {:9.4} %\nfpc         {:9.4} %  (wrong {:.4} %, stray {:.4} %){outliers}\n\
+         com         {:9.4} %{interior}\nmiss        {:9.4} %\nfpc         {:9.4} %  (wrong {:.4} %, stray {:.4} %)\
+         {outliers}\n\
          3D error    rms {}, median {}",
         s.points,
         s.reference,

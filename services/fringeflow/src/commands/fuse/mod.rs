@@ -1,4 +1,4 @@
-//! `fringeflow fuse`: the clouds of a moving scanner, tracked and fused into one model.
+//! `fringeflow fuse`: tracks the clouds of a moving scanner and fuses them into one model.
 
 mod drift;
 mod scan;
@@ -19,7 +19,7 @@ use fringeflow_tracking::fusion::{FusionSettings, Tracker, write_model};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::json;
-use crate::proposed::{Images, MeasuringArgs, frames};
+use crate::proposed::{Images, MeasuringArgs, parse_range};
 use crate::values::unit;
 
 use scan::Scan;
@@ -33,14 +33,14 @@ pub(crate) struct Args {
     /// Model to write (.ply).
     #[arg(short, long, value_name = "MODEL.ply")]
     output: PathBuf,
-    /// Image pairs from one cloud to the next. The default is the number of steps, so that no two clouds share an image.
+    /// Image pairs from one cloud to the next. The default is the number of steps.
     #[arg(long, value_name = "K")]
     every: Option<NonZeroUsize>,
     /// Leave out points that fewer than M clouds measured, although M or more could see them.
     #[arg(long, value_name = "M", default_value_t = FusionSettings::default().min_support)]
     min_support: u32,
     /// Use image pairs A to B, without B. By default all are used.
-    #[arg(long, value_name = "A..B", value_parser = frames)]
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
     frames: Option<Range<usize>>,
     /// Write the pose of every cloud and its standard deviation as CSV.
     #[arg(long, value_name = "POSES.csv")]
@@ -68,8 +68,8 @@ impl Args {
         let scan = Scan::run(&input, &windows, &mut stream)?;
         let tracker = stream.tracker();
         if tracker.model().clouds() == 0 {
-            let why = scan.looked.iter().find_map(scan::Looked::lost).unwrap_or_default();
-            return Err(input.unusable(&format!("no surface was found in its {} clouds: {why}", scan.looked.len())));
+            let why = scan.windows.iter().find_map(scan::ScanWindow::loss_text).unwrap_or_default();
+            return Err(input.unusable(&format!("no surface was found in its {} clouds: {why}", scan.windows.len())));
         }
         if let Some(path) = &self.trajectory {
             trajectory::write(path, &scan, tracker.model(), self.units)?;
@@ -77,13 +77,13 @@ impl Args {
         let export = CloudExport { unit: self.units, dataset: &input.setup().name };
         let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
         let truth = drift::against_truth(&input, &scan, tracker)?;
-        let summary = Summary::of(&self.output, &scan, tracker, surfels, truth.as_ref());
+        let summary = Summary::new(&self.output, &scan, tracker, surfels, truth.as_ref());
         if self.json {
             json::print(&summary)?;
         } else {
             summary.print()?;
         }
-        summary.losses()
+        summary.check_losses()
     }
 
     fn check_outputs(&self) -> Result<(), Failure> {
@@ -98,12 +98,12 @@ impl Args {
         Ok(check_writable(trajectory)?)
     }
 
-    /// The image pairs of every cloud, one at least.
+    /// The image pairs of every cloud; at least one window.
     fn windows(&self, input: &Input, configuration: &Configuration) -> Result<Vec<Images>, Failure> {
         if matches!(input, Input::Folder(_)) {
             return Err(input.unusable(&"a dataset folder yields one cloud; give a recording of a moving scanner"));
         }
-        let (available, steps) = (input.available(), input.setup().steps);
+        let (available, steps) = (input.pair_count(), input.setup().steps);
         let within = self.frames.clone().unwrap_or(0..available);
         if within.start > within.end || within.end > available {
             return Err(Failure::Usage(format!(
@@ -117,7 +117,7 @@ impl Args {
             let count = within.len();
             return Err(input.unusable(&format!("{count} image pairs hold no complete window of {images}")));
         }
-        windows.into_iter().map(|window| Images::in_turn(input, window)).collect()
+        windows.into_iter().map(|window| Images::consecutive(input, window)).collect()
     }
 }
 

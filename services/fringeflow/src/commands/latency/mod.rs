@@ -1,4 +1,4 @@
-//! `fringeflow latency`: where the time went in a recorded run.
+//! `fringeflow latency`: shows the latencies of a recorded run.
 
 mod text;
 
@@ -12,10 +12,10 @@ use fringeflow_telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
 
 use crate::failure::Failure;
 use crate::json;
-use crate::report::{About, RunFigures, write_html};
+use crate::report::{RunFigures, RunInfo, write_html};
 
-/// Nothing live comes this long after its exposure, nanoseconds.
-const LONG_AGO_NS: u64 = 60_000_000_000;
+/// Longest time from exposure to cloud in a live run, nanoseconds.
+const MAX_LIVE_LATENCY_NS: u64 = 60_000_000_000;
 
 /// Arguments of `fringeflow latency`.
 #[derive(clap::Args)]
@@ -28,7 +28,7 @@ pub(crate) struct Args {
     /// Print one JSON object, with the time line.
     #[arg(long)]
     json: bool,
-    /// Write a page with all figures over time. Any browser opens it.
+    /// Write an HTML page with all figures over time.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Write a trace of every item in every stage. Perfetto (ui.perfetto.dev) and chrome://tracing open it.
@@ -46,7 +46,7 @@ impl Args {
         let run = self.gather(&recording)?;
         let counts: Vec<(Stage, Counts)> = run.tally().stages().map(|(stage, tally)| (stage, tally.counts)).collect();
         let configuration = ScannerConfiguration::parse_recorded(recording.configuration_text(), Path::new(".")).ok();
-        let about = About {
+        let info = RunInfo {
             instance: configuration.as_ref().map(|configuration| configuration.name.as_str()),
             version: recording.writer_version(),
             origin: recording.origin(),
@@ -55,7 +55,7 @@ impl Args {
             recording: Some(&self.input),
             is_recorded: true,
         };
-        let mut figures = RunFigures::of(about, &counts, &run);
+        let mut figures = RunFigures::new(info, &counts, &run);
         if let Some(path) = &self.html {
             write_atomically(path, |out| write_html(out, &figures))?;
         }
@@ -66,11 +66,11 @@ impl Args {
         if self.json { json::print(&figures) } else { text::print(&figures) }
     }
 
-    /// Gathers all reports, in the order in which they came.
+    /// Collects all reports, in the order of their arrival.
     fn gather(&self, recording: &Recording) -> Result<RunReport, Failure> {
         let exposures = if is_replayed(recording)? { Exposures::Replayed } else { Exposures::Live };
-        let of_page = if self.html.is_some() { WORST_WINDOWS } else { 0 };
-        let mut run = RunReport::new(exposures, usize::from(self.worst).max(of_page));
+        let shown_on_page = if self.html.is_some() { WORST_WINDOWS } else { 0 };
+        let mut run = RunReport::new(exposures, usize::from(self.worst).max(shown_on_page));
         let mut windows = recording.messages_of(Topic::WindowReport).peekable();
         for report in reports(recording) {
             let report = report?;
@@ -78,7 +78,8 @@ impl Args {
             if Stage::from_code(report.stage) != Some(Stage::Correspondence) || report.of_item == 0 {
                 continue;
             }
-            // In a recording the figures of a window stand where its images do; in a replay that is long before.
+            // The figures of a window are recorded at the time of its images. In a replay that is long before its
+            // reports, so they are matched by exposure.
             while let Some(window) = windows.next_if(|window| is_up_to(window, report.exposure_start_ns)) {
                 if let Content::WindowReport(figures) = window?.content {
                     run.add_window(&figures);
@@ -89,7 +90,7 @@ impl Args {
     }
 
     fn write_trace(&self, recording: &Recording, path: &Path) -> Result<(), Failure> {
-        // Read before anything is written: what is wrong with a recording is no fault of the trace.
+        // Read first: an error in the recording must not be reported as an error in writing the trace.
         let reports: Vec<StageReport> = reports(recording).collect::<Result<_, _>>()?;
         write_atomically(path, |out| {
             let mut trace = TraceWriter::new(out)?;
@@ -100,7 +101,7 @@ impl Args {
     }
 }
 
-/// Whether the images came from another recording, as they or the times of the windows say.
+/// Whether this is the recording of a replay, judged by the flags of the images and by the latencies of the clouds.
 fn is_replayed(recording: &Recording) -> Result<bool, Failure> {
     let mut frames = [1, 2].into_iter().flat_map(|camera| recording.frame_headers(camera));
     if frames.any(|header| header.flags & flags::REPLAYED != 0) {
@@ -109,14 +110,15 @@ fn is_replayed(recording: &Recording) -> Result<bool, Failure> {
     for report in reports(recording) {
         let report = report?;
         let is_cloud = Stage::from_code(report.stage) == Some(Stage::Cloud) && report.of_item != 0;
-        if is_cloud && report.passed_ns.saturating_sub(report.exposure_start_ns) > LONG_AGO_NS {
+        if is_cloud && report.passed_ns.saturating_sub(report.exposure_start_ns) > MAX_LIVE_LATENCY_NS {
             return Ok(true);
         }
     }
     Ok(false)
 }
 
-/// Whether a message is about a window that ended by then, or cannot be read.
+/// Whether a message is about a window whose last exposure is at `exposure_ns` or earlier. True for an unreadable
+/// message too, so that the caller reports its error.
 fn is_up_to(message: &Result<Message, RecordingError>, exposure_ns: u64) -> bool {
     match message {
         Ok(Message { content: Content::WindowReport(figures), .. }) => figures.window.last_exposure_ns <= exposure_ns,

@@ -1,4 +1,4 @@
-//! The latencies of a run as tables in a terminal.
+//! The latencies of a run as tables for the terminal.
 
 use std::io::{self, Write};
 use std::time::{Duration, UNIX_EPOCH};
@@ -13,21 +13,21 @@ pub(super) fn print(figures: &RunFigures<'_>) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     print_head(&mut out, figures)?;
     print_stages(&mut out, figures)?;
-    print_way(&mut out, figures)?;
+    print_segments(&mut out, figures)?;
     print_worst(&mut out, &figures.worst)?;
     Ok(())
 }
 
 fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
-    let about = &figures.about;
-    let instance = about.instance.unwrap_or("an instance without a name");
+    let info = &figures.info;
+    let instance = info.instance.unwrap_or("an instance without a name");
     let (start, duration_s) = (wall_clock(figures.started_wall_ms), figures.duration_s);
-    writeln!(out, "{instance}: {duration_s:.1} s from {start}, fringeflow {}", about.version)?;
+    writeln!(out, "{instance}: {duration_s:.1} s from {start}, fringeflow {}", info.version)?;
     if figures.replayed {
         writeln!(
             out,
-            "This run was a replay. Times count from the moment at which a window was complete, and there is no latency \
-             from exposure to cloud."
+            "This run was a replay. Times count from the completion of a window. There is no latency from exposure to \
+             cloud."
         )?;
     }
     if figures.windows_incomplete > 0 {
@@ -50,11 +50,11 @@ fn print_stages(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()
     Ok(())
 }
 
-fn print_way(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
+fn print_segments(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     if figures.windows == 0 {
-        return writeln!(out, "\nNo window has reports all the way from exposure to cloud.");
+        return writeln!(out, "\nNo window has the reports of all stages from exposure to cloud.");
     }
-    writeln!(out, "\n{:<21} {:>8}  {}", "way to the cloud", "share %", titles())?;
+    writeln!(out, "\n{:<21} {:>8}  {}", "segment", "share %", titles())?;
     for line in &figures.segments {
         if let Some(latency) = line.latency {
             writeln!(out, "{:<21} {:>8.1}  {}", line.segment, line.share, times(latency))?;
@@ -86,9 +86,9 @@ fn times(latency: Latency) -> String {
     [p50_ms, p90_ms, p99_ms, max_ms].map(|ms| format!("{ms:>9.2}")).join(" ")
 }
 
-/// Unix milliseconds as a time of UTC.
+/// A time in Unix milliseconds as UTC text.
 fn wall_clock(unix_ms: f64) -> String {
-    // What no clock shows counts as the beginning of all time.
+    // A negative or non-finite time becomes the epoch.
     let since = Duration::try_from_secs_f64(unix_ms * 1e-3).unwrap_or_default();
     UNIX_EPOCH.checked_add(since).map_or_else(String::new, |time| humantime::format_rfc3339_millis(time).to_string())
 }

@@ -1,11 +1,11 @@
-//! `fringeflow replay` over the channels: the services of the live pipeline, with the recording as their cameras.
+//! `fringeflow replay` over the channels: runs the services of the live pipeline on the images of the recording.
 
 use std::path::Path;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 use fringeflow_recording::{CONFIGURATION_FILE, Recording, Topic};
 use fringeflow_replayer::{Compared, Comparison, Pace, Player, replay_configuration};
-use fringeflow_runtime::{ServiceArgs, ServiceKind, workers};
+use fringeflow_runtime::{ServiceArgs, ServiceKind, measurement_services};
 use fringeflow_supervisor::{Plan, run};
 
 use crate::failure::Failure;
@@ -24,14 +24,14 @@ impl Args {
         globals.start_log("replay");
         let folder = output_folder::temporary()?;
         let plan = self.plan(recording, folder.path(), globals)?;
-        let comparison = if self.verify { Comparison::of(recording)? } else { Comparison::default() };
+        let comparison = if self.verify { Comparison::from_recording(recording)? } else { Comparison::default() };
         let mut player = Player::new(recording, self.pace(), comparison);
         let outcome = run(&plan, Some(&mut player))?;
         let compared = self.verify.then(|| player.comparison.compared());
-        run_summary::print(&Summary::of_replay(&outcome, compared), self.json)?;
+        run_summary::print(&Summary::from_replay(&outcome, compared), self.json)?;
         match compared {
-            Some(compared) => run_summary::check_balance(&outcome).and_then(|()| self.judge(&compared)),
-            None => run_summary::judge(&outcome),
+            Some(compared) => run_summary::check_balance(&outcome).and_then(|()| self.check_comparison(&compared)),
+            None => run_summary::check(&outcome),
         }
     }
 
@@ -39,7 +39,7 @@ impl Args {
         self.rate.unwrap_or(Pace::Rate(1.0))
     }
 
-    /// Writes configuration and setup of the recording to a folder, where the services find them.
+    /// Plans the run. Writes configuration and setup of the recording to a folder for the services.
     fn plan(&self, recording: &Recording, folder: &Path, globals: &Globals) -> Result<Plan, Failure> {
         let name = self.instance.clone().unwrap_or_else(|| format!("replay-{}", std::process::id()));
         let configuration = replay_configuration(recording, &name, self.pace());
@@ -59,15 +59,15 @@ impl Args {
             supervised: false,
         };
         let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
-        let services = workers(&arguments.configuration()?).chain(recorder).collect();
+        let services = measurement_services(&arguments.configuration()?).chain(recorder).collect();
         let recording = self.record.as_ref().map(|file| file.to_string_lossy().into_owned());
         crate::commands::run::plan(&arguments, globals, services, recording)
     }
 
-    fn judge(&self, compared: &Compared) -> Result<(), Failure> {
+    fn check_comparison(&self, compared: &Compared) -> Result<(), Failure> {
         let file = self.input.display();
         if compared.different > 0 {
-            return Err(Failure::Refuted(format!(
+            return Err(Failure::Mismatch(format!(
                 "{file}: {} clouds differ from the recorded ones",
                 compared.different
             )));
@@ -78,7 +78,7 @@ impl Args {
                 Pace::Fastest => "the recording lacks messages for them, see `fringeflow check`",
             };
             return Err(Failure::Losses(format!(
-                "{file}: {} recorded clouds were not made again: {why}",
+                "{file}: {} recorded clouds were not reproduced: {why}",
                 compared.missing
             )));
         }

@@ -1,4 +1,4 @@
-//! `fringeflow replay`: a recording through the pipeline once more, in this process or over the channels.
+//! `fringeflow replay`: runs a recording through the pipeline again, in this process or over the channels.
 
 mod live;
 mod verify;
@@ -16,11 +16,12 @@ use crate::globals::Globals;
 pub(crate) struct Args {
     /// Recording to replay.
     input: PathBuf,
-    /// Name of the instance that the replay runs as. By default it gets a name of its own.
+    /// Name of the instance that replays. The default is a name with the process number.
     #[arg(value_name = "NAME")]
     instance: Option<String>,
-    /// Speed on the channels: 1 is the recorded speed, 0.01 to 100 are possible, max is as fast as possible without loss.
-    /// The default is 1. With --verify and without --rate the clouds are made in this process, without channels.
+    /// Speed on the channels: 1 is the recorded speed, 0.01 to 100 are possible, max is as fast as possible without
+    /// loss. The default is 1. With --verify and without --rate the clouds are computed in this process, without
+    /// channels.
     #[arg(long, value_name = "R|max")]
     rate: Option<Pace>,
     /// Compare every recorded cloud with the new one, byte by byte.
@@ -44,7 +45,7 @@ impl Args {
     }
 }
 
-/// The refusal of a recording whose clouds are to be verified and that has none.
+/// The error for a recording without clouds to verify.
 fn no_clouds(input: &Path) -> Failure {
     Failure::Usage(format!("{}: the recording has no clouds to compare with", input.display()))
 }

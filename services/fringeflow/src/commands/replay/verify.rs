@@ -1,4 +1,4 @@
-//! `fringeflow replay --verify`: makes the clouds of a recording again, in this process, and compares them byte by byte.
+//! `fringeflow replay --verify`: recomputes the clouds of a recording in this process and compares them byte by byte.
 
 use std::io::Write as _;
 
@@ -19,7 +19,7 @@ struct Report<'a> {
     prior_missing: usize,
     before_recording: usize,
     no_cloud: usize,
-    /// Poses of a scanner that was tracked, computed again from the recorded clouds.
+    /// Poses of a tracked scanner, recomputed from the recorded clouds; `None` if it was not tracked.
     #[serde(skip_serializing_if = "Option::is_none")]
     poses: Option<VerifiedPoses>,
     results: &'a [VerifiedCloud],
@@ -37,7 +37,7 @@ impl Args {
             bar.finish_and_clear();
             verified
         });
-        let count = |is: fn(&VerifyOutcome) -> bool| results.iter().filter(|cloud| is(&cloud.outcome)).count();
+        let count = |has: fn(&VerifyOutcome) -> bool| results.iter().filter(|cloud| has(&cloud.outcome)).count();
         let report = Report {
             clouds: results.len(),
             same: count(|outcome| *outcome == VerifyOutcome::Same),
@@ -54,7 +54,7 @@ impl Args {
         } else {
             self.print_verified(&report)?;
         }
-        self.judge_verified(&report)
+        self.check_verified(&report)
     }
 
     fn print_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
@@ -63,7 +63,7 @@ impl Args {
             match &cloud.outcome {
                 VerifyOutcome::Different { points, first } => writeln!(
                     out,
-                    "cloud {}: {} points recorded, {points} made now, first difference in point {first}",
+                    "cloud {}: {} points recorded, {points} recomputed, first difference in point {first}",
                     cloud.published, cloud.points
                 )?,
                 VerifyOutcome::NoCloud(why) => writeln!(out, "cloud {}: {why}", cloud.published)?,
@@ -75,8 +75,8 @@ impl Args {
         }
         writeln!(
             out,
-            "{}: {} of {} clouds are the same to the last byte, {} differ, {} lack an image, {} lack their prior, \
-             {} began before the recording",
+            "{}: {} of {} clouds are identical byte by byte, {} differ, {} lack an image, {} lack their prior, \
+             {} have a window that began before the recording",
             self.input.display(),
             report.same,
             report.clouds,
@@ -89,7 +89,7 @@ impl Args {
             let first = first_different.map_or_else(String::new, |cloud| format!(", the first at cloud {cloud}"));
             writeln!(
                 out,
-                "{}: {same} of {poses} poses are the same to the last bit, {different} differ{first}, {without_clouds} \
+                "{}: {same} of {poses} poses are identical bit by bit, {different} differ{first}, {without_clouds} \
                  need clouds that were not recorded",
                 self.input.display()
             )?;
@@ -97,13 +97,13 @@ impl Args {
         Ok(())
     }
 
-    fn judge_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
+    fn check_verified(&self, report: &Report<'_>) -> Result<(), Failure> {
         let file = self.input.display();
         if report.clouds == 0 {
             return Err(no_clouds(&self.input));
         }
         if let Some(poses) = report.poses.filter(|poses| poses.different > 0) {
-            return Err(Failure::Refuted(format!("{file}: {} poses differ from the recorded ones", poses.different)));
+            return Err(Failure::Mismatch(format!("{file}: {} poses differ from the recorded ones", poses.different)));
         }
         match report.different + report.no_cloud {
             0 if report.images_missing + report.prior_missing == 0 => Ok(()),
@@ -111,7 +111,7 @@ impl Args {
                 "{file}: {} clouds lack an image, {} lack their prior",
                 report.images_missing, report.prior_missing
             ))),
-            wrong => Err(Failure::Refuted(format!("{file}: {wrong} clouds differ from the recorded ones"))),
+            wrong => Err(Failure::Mismatch(format!("{file}: {wrong} clouds differ from the recorded ones"))),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `fringeflow rig --images`: how far a calibration has drifted, as images show it.
+//! `fringeflow rig --images`: measures from images how far a calibration has drifted.
 
 use std::io::{self, Write};
 use std::ops::Range;
@@ -16,12 +16,12 @@ use fringeflow_telemetry::health::{Limits, Quantity, median};
 
 use crate::failure::Failure;
 use crate::input::Input;
-use crate::proposed::{Images, Measured, configuration, reconstruct, reconstructor};
+use crate::proposed::{Geometry, Images, read_configuration, reconstruct, reconstructor};
 use crate::{json, output_folder, progress};
 
-use super::{Args, Calibrated};
+use super::{Args, CalibratedRig};
 
-/// The map, in the folder of --output.
+/// Name of the drift map in the folder of --output.
 const PICTURE: &str = "drift.png";
 
 /// The drift of a calibration in the windows of an input.
@@ -29,7 +29,7 @@ const PICTURE: &str = "drift.png";
 struct Report<'a> {
     calibration: &'a Path,
     images: &'a Path,
-    /// Complete windows that the input has.
+    /// Number of complete windows in the input.
     windows_available: usize,
     windows: Vec<Window>,
     /// Windows without correspondences.
@@ -38,28 +38,28 @@ struct Report<'a> {
     summary: Summary,
 }
 
-/// The drift in one window. The field is told about its mean.
+/// The drift in one window. It is a field of δ over the volume, given about its mean.
 #[derive(Clone, Debug, Serialize)]
 struct Window {
     /// Number of its first image pair.
     first_image: usize,
-    /// Its first exposure since that of the first image pair, seconds; none in a folder.
+    /// Its first exposure, seconds after that of the first image pair; `None` for a folder.
     time_s: Option<f64>,
     /// Mean of δ over the volume.
     delta_mean_rad: f64,
-    /// Root mean square over the volume.
+    /// Root mean square of the drift over the volume.
     rms_rad: f64,
-    /// Greatest magnitude over the volume.
+    /// Largest magnitude of the drift over the volume.
     greatest_rad: f64,
     /// Standard deviation of δ.
     delta_sd_rad: f64,
     /// Standard deviation of δ about the drift.
     residual_sd_rad: f64,
-    /// Calibration errors that explain it.
+    /// Calibration errors that explain the drift.
     error_px: f64,
-    /// Share of pixels with a candidate that agrees with it.
+    /// Share of the pixels with a candidate that agrees with the drift.
     share: f64,
-    /// Whether these are most pixels: else the window does not count.
+    /// Whether most pixels have one. Otherwise the window does not count in the summary.
     counts: bool,
 }
 
@@ -69,7 +69,7 @@ struct Unmeasured {
     why: String,
 }
 
-/// Over the windows that count, rad rms.
+/// Drift over the windows that count, rad rms.
 #[derive(Debug, PartialEq, Serialize)]
 struct Summary {
     first_rms_rad: Option<f64>,
@@ -77,45 +77,45 @@ struct Summary {
     largest_rms_rad: Option<f64>,
     median_rms_rad: Option<f64>,
     limit_rad: f64,
-    /// Whether the median is beyond the limit; none where no window counts.
+    /// Whether the median exceeds the limit; `None` if no window counts.
     beyond_limit: Option<bool>,
 }
 
-/// Measures, prints, and draws the map of the window with the median drift.
+/// Measures and prints the drift. Draws the map of the window with the median drift.
 pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     let input = Input::open(images, args.units)?;
-    let mut configuration = configuration(args.config.as_deref(), &input)?;
+    let mut configuration = read_configuration(args.config.as_deref(), &input)?;
     // The paper's resolution measures no drift.
     configuration.settings.matching.method = ResolutionMethod::SemiGlobal;
     let cycles = input.cycles()?;
-    let chosen = choose(&input, &cycles, args, &configuration)?;
-    let calibrated = args.calibrated()?;
+    let chosen = choose_windows(&input, &cycles, args, &configuration)?;
+    let calibrated = args.calibrated_rig()?;
     check_sizes(args, &calibrated, &input)?;
     let volume = volume(args, &calibrated, &configuration, &input)?;
-    let measured = Measured { rig: &calibrated.rig, volume: &volume, pattern: &input.setup().sequence.pattern };
+    let geometry = Geometry { rig: &calibrated.rig, volume: &volume, pattern: &input.setup().sequence.pattern };
     if let Some(folder) = &args.output {
         output_folder::prepare(folder)?;
         check_writable(&folder.join(PICTURE))?;
     }
-    let mut reconstructor = reconstructor(&input, &chosen[0], &measured, &configuration, None)?;
+    let mut reconstructor = reconstructor(&input, &chosen[0], &geometry, &configuration, None)?;
     let measured = measure(&input, &mut reconstructor, &chosen)?;
     if let Some(folder) = &args.output {
-        draw(&measured, &reconstructor, &folder.join(PICTURE))?;
+        draw_median(&measured, &reconstructor, &folder.join(PICTURE))?;
     }
     let windows: Vec<Window> = measured.windows.into_iter().map(|(window, _)| window).collect();
     let report = Report {
         calibration: &args.calibration,
         images,
         windows_available: cycles.len(),
-        summary: Summary::of(&windows, configuration.health.limits_of(Quantity::Drift)),
+        summary: Summary::from_windows(&windows, configuration.health.limits_of(Quantity::Drift)),
         windows,
-        unmeasured: measured.without,
+        unmeasured: measured.unmeasured,
     };
     if args.json { json::print(&report) } else { Ok(write(&mut io::stdout().lock(), &report)?) }
 }
 
-/// The images of the windows to look at.
-fn choose(
+/// The images of the windows to measure, evenly spaced over the input.
+fn choose_windows(
     input: &Input,
     cycles: &[Range<usize>],
     args: &Args,
@@ -124,84 +124,91 @@ fn choose(
     let (every, steps) = (cycles.len().div_ceil(usize::from(args.windows)), input.setup().steps);
     let extra = configuration.settings.window_images(steps) - steps;
     let images = |cycle: &Range<usize>| match args.steps {
-        Some(steps) => Images::thinned_out(input, cycle.clone(), steps),
-        None => Images::in_turn(input, input.widened(cycle.clone(), extra)),
+        Some(steps) => Images::evenly_spaced(input, cycle.clone(), steps),
+        None => Images::consecutive(input, input.widened(cycle.clone(), extra)),
     };
     cycles.iter().step_by(every).map(images).collect()
 }
 
-/// Drifts can be compared over one volume alone: that of the images, unless another is given.
+/// The volume over which the drift is measured: that of --volume, else that of the images, else that of the
+/// calibration. Drifts can only be compared over the same volume.
 fn volume(
     args: &Args,
-    calibrated: &Calibrated,
+    calibrated: &CalibratedRig,
     configuration: &Configuration,
     input: &Input,
 ) -> Result<MeasurementVolume, Failure> {
     let given = args.volume.as_ref().and(calibrated.volume.as_ref());
     let of_images = configuration.volume.as_ref().or(input.setup().volume.as_ref());
     let volume = given.or(of_images).or(calibrated.volume.as_ref());
-    volume.cloned().ok_or_else(|| args.no_volume())
+    volume.cloned().ok_or_else(|| args.missing_volume())
 }
 
-/// Refuses images of another size than the calibration is for.
-fn check_sizes(args: &Args, calibrated: &Calibrated, input: &Input) -> Result<(), Failure> {
+/// Fails if the images have another size than the calibration states.
+fn check_sizes(args: &Args, calibrated: &CalibratedRig, input: &Input) -> Result<(), Failure> {
     let [width, height] = input.setup().image_size_px;
     for (name, camera) in [("cam1", &calibrated.rig.cam1), ("cam2", &calibrated.rig.cam2)] {
         let [w, h] = [camera.width_px(), camera.height_px()];
         if [w, h] != [width, height] {
             let (calibration, images) = (args.calibration.display(), input.path().display());
             return Err(Failure::Usage(format!(
-                "{calibration}: images of {name} have {w}×{h} pixels, but those of {images} have {width}×{height}; give \
-                 the calibration of the cameras that took them"
+                "{calibration}: images of {name} have {w}×{h} pixels, but those of {images} have {width}×{height}; \
+                 give the calibration of the cameras that took them"
             )));
         }
     }
     Ok(())
 }
 
-/// Windows with their drift, and those without correspondences.
-struct Windows {
+/// Windows with their drift, and windows without correspondences.
+struct MeasuredWindows {
     windows: Vec<(Window, Drift)>,
-    without: Vec<Unmeasured>,
+    unmeasured: Vec<Unmeasured>,
 }
 
-fn measure(input: &Input, reconstructor: &mut Reconstructor, chosen: &[Images]) -> Result<Windows, Failure> {
-    let mut measured = Windows { windows: Vec::new(), without: Vec::new() };
+/// Measures the drift of every window.
+///
+/// # Errors
+/// The images cannot be read, or no window has correspondences.
+fn measure(input: &Input, reconstructor: &mut Reconstructor, chosen: &[Images]) -> Result<MeasuredWindows, Failure> {
+    let mut measured = MeasuredWindows { windows: Vec::new(), unmeasured: Vec::new() };
     let bar = progress::bar("windows", chosen.len() as u64);
-    let mut refusal = None;
+    let mut first_failure = None;
     for images in chosen {
         let first_image = images.numbers[0];
         match reconstruct(input, reconstructor, images) {
-            Ok(made) => measured.windows.extend(window(input, first_image, &made, reconstructor)),
-            Err(why @ Failure::Usage(_)) => {
-                measured.without.push(Unmeasured { first_image, why: why.to_string() });
-                refusal.get_or_insert(why);
+            Ok(reconstruction) => {
+                measured.windows.extend(drift_of_window(input, first_image, &reconstruction, reconstructor));
             }
-            Err(broken) => return Err(broken),
+            Err(why @ Failure::Usage(_)) => {
+                measured.unmeasured.push(Unmeasured { first_image, why: why.to_string() });
+                first_failure.get_or_insert(why);
+            }
+            Err(failure) => return Err(failure),
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    match refusal {
+    match first_failure {
         Some(why) if measured.windows.is_empty() => Err(why),
         _ => Ok(measured),
     }
 }
 
-fn window(
+fn drift_of_window(
     input: &Input,
     first_image: usize,
-    made: &Reconstruction,
+    reconstruction: &Reconstruction,
     reconstructor: &Reconstructor,
 ) -> Option<(Window, Drift)> {
-    let drift = made.matches.drift.clone()?;
+    let drift = reconstruction.matches.drift.clone()?;
     let window = Window {
         first_image,
         time_s: input.exposure_s(first_image),
         delta_mean_rad: drift.mean_rad,
         rms_rad: drift.rms_rad,
         greatest_rad: f64::from(DriftMap::new(&drift, reconstructor.table()).greatest_rad),
-        delta_sd_rad: made.matches.delta.sd_rad,
+        delta_sd_rad: reconstruction.matches.delta.sd_rad,
         residual_sd_rad: drift.residual_sd_rad,
         error_px: drift.error_px,
         share: drift.share,
@@ -210,8 +217,8 @@ fn window(
     Some((window, drift))
 }
 
-/// Draws the window whose drift is the median; of all windows, where none counts.
-fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Result<(), Failure> {
+/// Draws the drift map of the window with the median drift: among the windows that count, or among all if none counts.
+fn draw_median(measured: &MeasuredWindows, reconstructor: &Reconstructor, path: &Path) -> Result<(), Failure> {
     let any_counts = measured.windows.iter().any(|(window, _)| window.counts);
     let eligible = || measured.windows.iter().filter(|(window, _)| window.counts == any_counts);
     let median_rad = median(eligible().map(|(window, _)| window.rms_rad));
@@ -220,7 +227,7 @@ fn draw(measured: &Windows, reconstructor: &Reconstructor, path: &Path) -> Resul
 }
 
 impl Summary {
-    fn of(windows: &[Window], limits: Limits) -> Self {
+    fn from_windows(windows: &[Window], limits: Limits) -> Self {
         let drifts: Vec<f64> = windows.iter().filter(|window| window.counts).map(|window| window.rms_rad).collect();
         let median_rms_rad = median(drifts.iter().copied());
         Self {
@@ -243,10 +250,11 @@ fn write(out: &mut impl Write, report: &Report<'_>) -> io::Result<()> {
     )?;
     for w in &report.windows {
         let time_s = w.time_s.map_or_else(|| "–".to_owned(), |time_s| format!("{time_s:.2}"));
-        let remark = if w.counts { "" } else { "  (too few: does not count)" };
+        let remark = if w.counts { "" } else { "  (too few, does not count)" };
         writeln!(
             out,
-            "  {:>5}  {time_s:>8}    {:+.4}   {:7.4}   {:7.4}  {:7.4}             {:7.4}     {:7.3}            {:5.1} %{remark}",
+            "  {:>5}  {time_s:>8}    {:+.4}   {:7.4}   {:7.4}  {:7.4}             {:7.4}     {:7.3}            {:5.1} \
+             %{remark}",
             w.first_image,
             w.delta_mean_rad,
             w.rms_rad,
@@ -261,7 +269,7 @@ fn write(out: &mut impl Write, report: &Report<'_>) -> io::Result<()> {
         writeln!(out, "  {first_image:>5}  not measured: {why}")?;
     }
     if report.windows.len() + report.unmeasured.len() < report.windows_available {
-        writeln!(out, "of {} windows; --windows N measures more of them", report.windows_available)?;
+        writeln!(out, "The input has {} windows; --windows N measures more of them", report.windows_available)?;
     }
     writeln!(out, "{}", verdict(&report.summary))
 }
@@ -270,14 +278,14 @@ fn verdict(summary: &Summary) -> String {
     let &Summary { first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad, limit_rad, beyond_limit } = summary;
     let numbers = [first_rms_rad, last_rms_rad, largest_rms_rad, median_rms_rad];
     let ([Some(first), Some(last), Some(largest), Some(median)], Some(beyond)) = (numbers, beyond_limit) else {
-        return "no verdict: no window has a drift that most of its pixels agree with; show more of the object within the volume"
+        return "no verdict: in no window do most pixels agree with a drift; show more of the object within the volume"
             .to_owned();
     };
     let judged = if beyond { "BEYOND" } else { "within" };
     let remedy = if beyond { "; calibrate again" } else { "" };
     format!(
-        "drift rms: first {first:.4}, last {last:.4}, largest {largest:.4}, median {median:.4} rad: {judged} the limit of \
-         {limit_rad} rad (health.drift_rad){remedy}"
+        "drift rms: first {first:.4}, last {last:.4}, largest {largest:.4}, median {median:.4} rad: {judged} the \
+         limit of {limit_rad} rad (health.drift_rad){remedy}"
     )
 }
 
@@ -301,17 +309,17 @@ mod tests {
     }
 
     #[test]
-    fn the_verdict_is_that_of_the_median_of_the_windows_that_count() {
+    fn the_verdict_follows_the_median_of_the_windows_that_count() {
         let limits = Limits { warn: 0.1, bad: 0.2 };
         let windows = [(0.04, true), (0.9, false), (0.3, true), (0.05, true)].map(|(rms, counts)| window(rms, counts));
-        let summary = Summary::of(&windows, limits);
+        let summary = Summary::from_windows(&windows, limits);
         assert_eq!(
             [summary.first_rms_rad, summary.last_rms_rad, summary.largest_rms_rad, summary.median_rms_rad],
             [0.04, 0.05, 0.3, 0.05].map(Some)
         );
         assert_eq!(summary.beyond_limit, Some(false));
-        assert!(verdict(&Summary::of(&[window(0.11, true)], limits)).contains("BEYOND the limit of 0.1 rad"));
-        let none = Summary::of(&windows[1..2], limits);
+        assert!(verdict(&Summary::from_windows(&[window(0.11, true)], limits)).contains("BEYOND the limit of 0.1 rad"));
+        let none = Summary::from_windows(&windows[1..2], limits);
         assert!(none.beyond_limit.is_none() && verdict(&none).starts_with("no verdict"));
     }
 }

@@ -1,5 +1,5 @@
-//! `fringeflow rig`: what a rig can be expected to do, from its calibration alone, and how far images say that it has
-//! drifted.
+//! `fringeflow rig`: reports what a rig can do, from its calibration only, or measures from images how far the
+//! calibration has drifted.
 
 mod drift;
 mod picture;
@@ -23,8 +23,8 @@ use crate::values::unit;
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Calibration file (OpenCV YAML), dataset folder or recording (.mcap). Dataset and recording also state unit, volume,
-    /// pattern and steps.
+    /// Calibration file (OpenCV YAML), dataset folder or recording (.mcap). Dataset and recording also state unit,
+    /// volume, pattern and steps.
     calibration: PathBuf,
     /// Unit of lengths in the calibration file and the volume. The default is that of the dataset, else mm.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
@@ -39,7 +39,8 @@ pub(crate) struct Args {
     /// Sign of the phase along the projector columns. The default is that of the dataset, else 1.
     #[arg(long, value_name = "SIGN", allow_hyphen_values = true, value_parser = sign())]
     sign: Option<f64>,
-    /// Phase images of a measurement. With --images they are evenly chosen. The default is that of the dataset, else 4.
+    /// Number of phase images of a measurement, with --images evenly spaced. The default is that of the dataset, else
+    /// 4.
     #[arg(long, value_name = "N")]
     steps: Option<usize>,
     /// Standard deviation of the camera noise, grey levels.
@@ -48,40 +49,47 @@ pub(crate) struct Args {
     /// Modulation of the fringes, grey levels.
     #[arg(long, value_name = "GREY", default_value_t = Assumptions::default().modulation_grey)]
     modulation: f64,
-    /// Standard deviation of the calibration error, pixels, in every coordinate of every image [default: 0.065].
+    /// Standard deviation of the calibration error in every coordinate of every image, pixels [default: 0.065].
     #[arg(long, value_name = "PX", conflicts_with = "calibration_sd")]
     calibration_error_px: Option<f64>,
-    /// Part of sd, the standard deviation of δ, that the calibration causes, if it was measured.
+    /// Measured part of sd, the standard deviation of δ, that the calibration error causes, rad.
     #[arg(long, value_name = "RAD")]
     calibration_sd: Option<f64>,
     /// Use every PX-th pixel of camera 1.
     #[arg(long, value_name = "PX", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..))]
     grid: u16,
-    /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording. They state the pattern,
-    /// and the volume unless --volume is given.
+    /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording. They state the
+    /// pattern, and the volume unless --volume is given.
     #[arg(
         long,
         value_name = "DATASET|RECORDING",
         conflicts_with_all = ["period", "sign", "noise", "modulation", "calibration_error_px", "calibration_sd", "grid"]
     )]
     images: Option<PathBuf>,
-    /// With --images: number of windows to measure in a recording, evenly chosen.
-    #[arg(long, value_name = "N", default_value_t = 30, requires = "images", value_parser = clap::value_parser!(u16).range(1..))]
+    /// With --images: number of windows to measure in a recording, evenly spaced.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 30,
+        requires = "images",
+        value_parser = clap::value_parser!(u16).range(1..)
+    )]
     windows: u16,
-    /// With --images: TOML file with settings, see configs/reconstruct.toml. The default is those of the recording.
+    /// With --images: TOML file with settings, see configs/reconstruct.toml. The default is the settings of the
+    /// recording.
     #[arg(long, value_name = "FILE", requires = "images")]
     config: Option<PathBuf>,
     /// Print one JSON object (metres, radians, pixels) instead of text.
     #[arg(long)]
     json: bool,
-    /// Folder for maps of n (periods.png) and of the surviving wrong candidates (survivors.png). With --images it gets a map
-    /// of the drift at the middle of the volume (drift.png).
+    /// Folder for maps of n (periods.png) and of the surviving wrong candidates (survivors.png). With --images it gets
+    /// a map of the drift at the middle of the volume (drift.png).
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 }
 
-/// A calibration and what is said with it.
-struct Calibrated {
+/// A calibrated rig, and the volume and pattern that are stated with it.
+struct CalibratedRig {
     rig: Rig,
     volume: Option<MeasurementVolume>,
     /// Pattern and steps of a dataset or a recording.
@@ -89,7 +97,7 @@ struct Calibrated {
 }
 
 impl Args {
-    /// Prints the report.
+    /// Prints the report, or with --images the drift.
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(images) = &self.images {
             return drift::run(self, images);
@@ -112,17 +120,17 @@ impl Args {
         Ok(())
     }
 
-    /// Rig, volume and pattern, and the number of steps.
+    /// Setup for the report, and the number of steps.
     fn setup(&self) -> Result<(RigSetup, usize), Failure> {
         let defaults = (FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 }, Assumptions::default().steps);
-        let Calibrated { rig, volume, measurement } = self.calibrated()?;
-        let volume = volume.ok_or_else(|| self.no_volume())?;
+        let CalibratedRig { rig, volume, measurement } = self.calibrated_rig()?;
+        let volume = volume.ok_or_else(|| self.missing_volume())?;
         let (pattern, steps) = measurement.unwrap_or(defaults);
         Ok((RigSetup { rig, volume, pattern: self.pattern(pattern) }, self.steps.unwrap_or(steps)))
     }
 
-    /// What the calibration file, the dataset or the recording says, with the volume that is given instead.
-    fn calibrated(&self) -> Result<Calibrated, Failure> {
+    /// Reads the calibration file, the dataset or the recording. The volume of --volume replaces its volume.
+    fn calibrated_rig(&self) -> Result<CalibratedRig, Failure> {
         let is_recording = self.calibration.extension().is_some_and(|extension| extension == "mcap");
         let (rig, unit, volume, measurement) = if is_recording || self.calibration.is_dir() {
             let set = Input::open(&self.calibration, self.units)?.setup().clone();
@@ -131,11 +139,11 @@ impl Args {
             let unit = self.units.unwrap_or(Unit::Millimetre);
             (read_calibration(&self.calibration, unit)?, unit, None, None)
         };
-        let given = self.volume.as_ref().map(|given| volume_of(given, unit)).transpose()?;
-        Ok(Calibrated { rig, volume: given.or(volume), measurement })
+        let given = self.volume.as_ref().map(|given| parse_volume(given, unit)).transpose()?;
+        Ok(CalibratedRig { rig, volume: given.or(volume), measurement })
     }
 
-    fn no_volume(&self) -> Failure {
+    fn missing_volume(&self) -> Failure {
         let calibration = self.calibration.display();
         Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
     }
@@ -153,13 +161,13 @@ impl Args {
     }
 }
 
-/// Takes 1 or -1.
+/// Parses 1 or -1.
 fn sign() -> impl TypedValueParser<Value = f64> {
     PossibleValuesParser::new(["1", "-1"]).try_map(|text| text.parse::<f64>())
 }
 
-/// A volume written out as six numbers, or in a file.
-fn volume_of(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
+/// Parses a volume of six numbers, or reads it from a file.
+fn parse_volume(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
     let numbers: Result<Vec<f64>, _> = given.split(',').map(|number| number.trim().parse::<f64>()).collect();
     let Ok(numbers) = numbers else {
         return Ok(read_volume(Path::new(given), unit)?);

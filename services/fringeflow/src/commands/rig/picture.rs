@@ -1,4 +1,4 @@
-//! The maps of the report as grey images, a pixel of the grid each.
+//! The maps of the report as grey images, one pixel per grid point.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ pub(super) fn write(folder: &Path, evaluation: &Evaluation) -> Result<(), Failur
     Ok(())
 }
 
-/// Grey levels 55 to 255 from 0 to the largest figure; black where there is none.
+/// Draws a map: grey levels 55 to 255 for values from 0 to the largest, black without a value.
 fn image(map: &PixelMap) -> GreyImage {
     let max = map.values.iter().flatten().copied().fold(f64::MIN_POSITIVE, f64::max);
     let grey = |value: &Option<f64>| value.map_or(0, |v| 55 + (200.0 * v / max).round() as u8);

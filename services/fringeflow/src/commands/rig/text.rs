@@ -1,4 +1,4 @@
-//! The report in words and tables, for a person.
+//! The report as text and tables for the terminal.
 
 use std::io::{self, Write};
 
@@ -6,8 +6,8 @@ use fringeflow_lab::rig_report::{Advice, CalibrationQuality, Change, Comb, Evalu
 
 /// efc below which the paper recommends the method.
 const RECOMMENDED_EFC: f64 = 0.5;
-/// Share of the cases from which a surviving order is worth a line.
-const WORTH_SHOWING: f64 = 0.002;
+/// Minimum share of the cases in which an order survives to be listed.
+const MIN_LISTED_SHARE: f64 = 0.002;
 
 /// Writes the whole report.
 pub(super) fn write(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
@@ -86,7 +86,7 @@ fn assumptions(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
     let a = &report.assumptions;
     let calibration = match a.calibration {
         CalibrationQuality::SdRad(sd_rad) => format!("calibration share of sd {sd_rad} rad"),
-        CalibrationQuality::ErrorPx(error_px) => format!("calibration error {error_px} px a coordinate"),
+        CalibrationQuality::ErrorPx(error_px) => format!("calibration error {error_px} px per coordinate"),
     };
     writeln!(
         out,
@@ -119,10 +119,9 @@ fn comb(out: &mut impl Write, comb: &Comb) -> io::Result<()> {
         "\nWrong fringe orders on flat surfaces: {:.3} survive per true point over tilts to ±40°, {:.3} untilted",
         comb.survivors, comb.survivors_facing
     )?;
-    let worth = |share: f64| share >= WORTH_SHOWING;
-    let surviving: Vec<_> = comb.teeth.iter().filter(|tooth| worth(tooth.surviving_share)).collect();
+    let surviving: Vec<_> = comb.teeth.iter().filter(|tooth| tooth.surviving_share >= MIN_LISTED_SHARE).collect();
     if surviving.is_empty() {
-        return writeln!(out, "  none survives in more than {:.1} % of the cases", 100.0 * WORTH_SHOWING);
+        return writeln!(out, "  none survives in more than {:.1} % of the cases", 100.0 * MIN_LISTED_SHARE);
     }
     writeln!(out, "  order   present %   survives %   mean |δ|   |2π·k·r|")?;
     for tooth in surviving {
@@ -140,10 +139,10 @@ fn comb(out: &mut impl Write, comb: &Comb) -> io::Result<()> {
 }
 
 fn advice(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
-    writeln!(out, "\nWhat changes would do (coarser grid)       n       sd     efc   survivors   sd of depth, mm")?;
-    line(out, "as it is", &report.advice_base)?;
+    writeln!(out, "\nEffect of changes (coarser grid)           n       sd     efc   survivors   sd of depth, mm")?;
+    advice_line(out, "unchanged", &report.advice_base)?;
     for Advice { change, figures } in &report.advice {
-        line(out, &name(change), figures)?;
+        advice_line(out, &change_text(change), figures)?;
     }
     writeln!(
         out,
@@ -151,12 +150,12 @@ fn advice(out: &mut impl Write, report: &RigReport) -> io::Result<()> {
     )
 }
 
-fn line(out: &mut impl Write, name: &str, f: &Figures) -> io::Result<()> {
+fn advice_line(out: &mut impl Write, name: &str, f: &Figures) -> io::Result<()> {
     let depth_sd_mm = 1e3 * f.depth_sd_m;
     writeln!(out, "  {name:36} {:6.2} {:8.4} {:7.3} {:11.3} {depth_sd_mm:17.4}", f.n, f.sd_rad, f.efc, f.survivors)
 }
 
-fn name(change: &Change) -> String {
+fn change_text(change: &Change) -> String {
     match change {
         Change::ProjectorPlace { from, to } => format!("move P along the base: r {from:.2} -> {to:.2}"),
         Change::Period { from_px, to_px } => format!("period {from_px:.1} -> {to_px:.1} px"),

@@ -1,8 +1,8 @@
-//! What a virtual scanner would deliver live, in its own time instead of the machine's.
+//! Simulates the output of a live virtual scanner, with simulated time in place of the clock of the machine.
 //!
 //! In: a virtual scanner, and the projector and cameras of its configuration. Out: pattern events, images with their
-//! headers, and the true pose of every exposure, in the order in which they come. The very same projector and cameras run
-//! live, faults included; only the clock is another. Memory: the images that are on their way.
+//! headers, and the true pose of every exposure, in the order of their arrival. Projector and cameras are those of the
+//! live services, including the faults; only the clock differs. Memory: the images that have not arrived yet.
 
 use std::collections::BTreeMap;
 
@@ -14,44 +14,44 @@ use fringeflow_recording::{Recordable, RecordingProblem, TruthPose};
 use fringeflow_virtual_rig::cameras::{CableTriggers, ClockTriggers, Timing, Trigger, VirtualCamera};
 use fringeflow_virtual_rig::projector::VirtualProjector;
 
-/// When the first pattern is shown, nanoseconds.
+/// Time of the first pattern, nanoseconds.
 const START_NS: u64 = 1_000_000_000;
-/// Session of cameras and projector.
+/// Session number of cameras and projector.
 const SESSION: u64 = 1;
 
-/// Why it ended too early.
+/// Why the simulation ended early.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum LiveError {
-    /// Nobody shows patterns.
+    /// The projector is external, and none runs here.
     #[error("projector.driver is \"external\", but no driver runs here; set it to \"virtual\" or \"cycle\"")]
     NoProjector,
-    /// An option of the virtual scanner.
+    /// Invalid option of the virtual scanner.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
-    /// What is used of an image.
+    /// An image cannot be unpacked, cropped or binned.
     #[error(transparent)]
     Image(#[from] UnpackError),
-    /// The recording.
+    /// Error of the recording.
     #[error(transparent)]
     Recording(#[from] RecordingProblem),
 }
 
-/// Takes what comes.
+/// Receives the messages.
 pub(super) type Sink<'s> = dyn FnMut(&Recordable<'_>) -> Result<(), RecordingProblem> + 's;
 
-/// A virtual scanner that runs.
+/// A running virtual scanner.
 pub(super) struct LiveScanner<'a> {
     scanner: &'a VirtualScanner,
     triggers: Triggers,
     cameras: [VirtualCamera; 2],
     published: [u64; 2],
     rendered: PoseImages<'a>,
-    /// Images of exposures that are on their way, by number.
+    /// Images that have not arrived yet, by number of the exposure.
     images: BTreeMap<u64, [GreyImage; 2]>,
     reader: ImageReader,
 }
 
-/// What makes the cameras expose.
+/// Source of the triggers of the cameras.
 enum Triggers {
     Cable(Box<VirtualProjector>, CableTriggers),
     Clock(ClockTriggers),
@@ -82,7 +82,7 @@ impl<'a> LiveScanner<'a> {
         })
     }
 
-    /// Runs for so many patterns, and until the last image has come; `on_pattern` is called after each pattern.
+    /// Shows `patterns` patterns and runs until the last image has arrived. Calls `on_pattern` after each pattern.
     pub(super) fn run(
         &mut self,
         patterns: u64,
@@ -95,9 +95,9 @@ impl<'a> LiveScanner<'a> {
             let arrivals_ns = self.cameras.iter().filter_map(VirtualCamera::next_ns);
             let Some(next_ns) = arrivals_ns.chain(next_pattern_ns).min() else { return Ok(()) };
             now_ns = next_ns.max(now_ns);
-            self.put_out(now_ns, sink)?;
+            self.deliver_arrived(now_ns, sink)?;
             if next_pattern_ns.is_some_and(|at_ns| at_ns <= now_ns) {
-                for trigger in self.triggers.take(now_ns, sink)? {
+                for trigger in self.triggers.take_due(now_ns, sink)? {
                     self.expose(&trigger, sink)?;
                 }
                 shown += 1;
@@ -106,9 +106,9 @@ impl<'a> LiveScanner<'a> {
         }
     }
 
-    /// Both cameras expose.
+    /// Renders the images of an exposure and exposes both cameras.
     fn expose(&mut self, trigger: &Trigger, sink: &mut Sink<'_>) -> Result<(), LiveError> {
-        // The projector shows no step that the scanner has not.
+        // Every trigger has a step, since the virtual projector shows only patterns of the scanner.
         let step = trigger.step.unwrap_or_default() as usize;
         let images = self.rendered.take(step)?;
         let images = self.read_out(images)?;
@@ -121,7 +121,7 @@ impl<'a> LiveScanner<'a> {
         Ok(())
     }
 
-    /// What is used of the images of an exposure.
+    /// Converts the images of an exposure to the format, crop and binning of the configuration.
     fn read_out(&mut self, mut images: [GreyImage; 2]) -> Result<[GreyImage; 2], LiveError> {
         let row_bytes = self.reader.whole_row_bytes();
         if !self.reader.is_passthrough(row_bytes) {
@@ -135,17 +135,17 @@ impl<'a> LiveScanner<'a> {
         Ok(images)
     }
 
-    /// Hands over the images that have arrived, and forgets those that no camera sends any more.
-    fn put_out(&mut self, now_ns: u64, sink: &mut Sink<'_>) -> Result<(), LiveError> {
+    /// Sends the images that have arrived, and drops those that no camera will send any more.
+    fn deliver_arrived(&mut self, now_ns: u64, sink: &mut Sink<'_>) -> Result<(), LiveError> {
         for (i, camera) in self.cameras.iter_mut().enumerate() {
-            while let Some(shot) = camera.arrived(now_ns) {
+            while let Some(shot) = camera.take_arrived(now_ns) {
                 let Some(images) = self.images.get(&shot.number) else { continue };
                 let header = camera.header(&shot, now_ns, self.published[i]);
                 self.published[i] += 1;
                 sink(&Recordable::Frame { header: &header, image: &images[i].pixels })?;
             }
         }
-        let oldest = self.cameras.iter().filter_map(VirtualCamera::oldest).min().unwrap_or(u64::MAX);
+        let oldest = self.cameras.iter().filter_map(VirtualCamera::oldest_exposure).min().unwrap_or(u64::MAX);
         self.images = self.images.split_off(&oldest);
         Ok(())
     }
@@ -157,13 +157,13 @@ impl Triggers {
         match configuration.projector {
             ProjectorDriver::Virtual => {
                 let mut projector = VirtualProjector::new(SESSION, rate_hz, sequence, faults);
-                projector.scan(true, START_NS);
+                projector.set_scanning(true, START_NS);
                 let cable = CableTriggers::new(steps, Some(configuration.frame_period_ns()));
                 Ok(Self::Cable(Box::new(projector), cable))
             }
             ProjectorDriver::Cycle => {
                 let mut clock = ClockTriggers::new(rate_hz, steps);
-                clock.scan(true, START_NS);
+                clock.set_scanning(true, START_NS);
                 Ok(Self::Clock(clock))
             }
             ProjectorDriver::External => Err(LiveError::NoProjector),
@@ -177,14 +177,14 @@ impl Triggers {
         }
     }
 
-    /// The triggers of the pattern whose time has come.
-    fn take(&mut self, now_ns: u64, sink: &mut Sink<'_>) -> Result<Vec<Trigger>, LiveError> {
+    /// The triggers of the pattern that is due at `now_ns`.
+    fn take_due(&mut self, now_ns: u64, sink: &mut Sink<'_>) -> Result<Vec<Trigger>, LiveError> {
         match self {
-            Self::Clock(clock) => Ok(clock.take(now_ns).map(|(_, trigger)| trigger).into_iter().collect()),
+            Self::Clock(clock) => Ok(clock.take_trigger(now_ns).map(|(_, trigger)| trigger).into_iter().collect()),
             Self::Cable(projector, cable) => {
                 let Some(event) = projector.show(now_ns).and_then(|shown| shown.event) else { return Ok(Vec::new()) };
                 sink(&Recordable::Pattern(&event))?;
-                Ok(cable.of_event(&event))
+                Ok(cable.take_event(&event))
             }
         }
     }

@@ -1,4 +1,4 @@
-//! `fringeflow simulate`: a dataset folder from the virtual scanner, or a recording of one that is configured.
+//! `fringeflow simulate`: writes a simulated dataset folder, or a recording of the virtual scanner of a configuration.
 
 mod live;
 mod recording;
@@ -25,68 +25,83 @@ pub(crate) struct Args {
     /// Dataset folder to write: a new or an empty one. With --config: recording to write.
     #[arg(short, long, value_name = "FOLDER|REC")]
     output: PathBuf,
-    /// Record the virtual scanner of a configuration (see configs/demo.toml) with the true poses of the object. No service
-    /// runs. The same configuration gives the same bytes.
+    /// Record the virtual scanner of a configuration (see configs/demo.toml) with the true poses of the object. No
+    /// service runs. The same configuration gives the same bytes.
     #[arg(long, value_name = "FILE", conflicts_with_all = DATASET_OPTIONS)]
     config: Option<PathBuf>,
     /// With --config: seconds to record, at most 3600. The default is one round of the sweep.
-    #[arg(long, value_name = "S", requires = "config", value_parser = recording::seconds)]
+    #[arg(long, value_name = "S", requires = "config", value_parser = recording::parse_seconds)]
     seconds: Option<f64>,
     /// Object to measure. clutter and crumbs are hard, and tray is larger than the image.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = one_of(&Object::ALL, Object::name))]
     object: Object,
-    /// Board under the object: visible, dark or none. Or a board outside the measurement volume, which is seen and never
-    /// measured: its distance behind the volume in millimetres, below 0 before the volume, where it covers the right part.
-    /// behind means 15. The default is visible, for crumbs none.
+    /// Board under the object: visible, dark or none. Or a board outside the measurement volume, which is seen but not
+    /// measured: its distance behind the volume in millimetres. Below 0 it stands before the volume and covers the
+    /// right part. behind means 15. The default is visible, for crumbs none.
     #[arg(long, value_name = "KIND|MM", value_parser = Board::from_str, allow_negative_numbers = true)]
     board: Option<Board>,
-    /// Share of the light that a board outside the volume scatters, 0 to 2: black paper 0.05, grey 0.3, white 0.8
-    /// [default: 0.62].
+    /// Albedo of a board outside the volume, 0 to 2: black paper 0.05, grey 0.3, white 0.8 [default: 0.62].
     #[arg(long, value_name = "SHARE", requires = "board")]
     board_albedo: Option<f64>,
-    /// Turn of that board about the vertical axis, -80 to 80 degrees. Above 0 its right border is farther from the sensor.
-    /// The distance is that of its nearest point [default: 0].
+    /// Rotation of that board about the vertical axis, -80 to 80 degrees. Above 0 its right border is farther from the
+    /// sensor. Its distance is that of its nearest point [default: 0].
     #[arg(long, value_name = "DEG", requires = "board", allow_negative_numbers = true)]
     board_tilt: Option<f64>,
     /// Scale the object to fill this share of the image of C1, 0.1 to 60. Board and hand do not count.
     #[arg(long, value_name = "PERCENT")]
     share: Option<f64>,
-    /// Add a hand with spread fingers, 15 mm before the measurement volume. It is seen and never measured.
+    /// Add a hand with spread fingers, 15 mm before the measurement volume. It is seen but not measured.
     #[arg(long)]
     hand: bool,
     /// Shift the object from the middle of the measurement volume: right, down and away from the sensor.
-    #[arg(long, value_name = "X,Y,Z mm", default_value = "0,0,0", value_parser = shift, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "X,Y,Z mm",
+        default_value = "0,0,0",
+        value_parser = parse_shift,
+        allow_hyphen_values = true
+    )]
     shift: [f64; 3],
     /// Cover the right half of a camera with a dark flap.
     #[arg(long, value_name = "CAMERA", value_parser = one_of(&CameraId::BOTH, CameraId::folder))]
     cover: Option<CameraId>,
-    /// Move the object by MM from phase image to phase image, obliquely through the measurement volume. The other images and
-    /// the truth show it at rest, at the middle of the sequence.
+    /// Move the object by MM from phase image to phase image, obliquely through the measurement volume. The other
+    /// images and the truth show it at rest, at the middle of the sequence.
     #[arg(long, value_name = "MM")]
     motion: Option<f64>,
-    /// Turn the object from phase image to phase image. The default is 0.2° for each millimetre of --motion.
+    /// Rotate the object from phase image to phase image. The default is 0.2° for each millimetre of --motion.
     #[arg(long, value_name = "DEG", requires = "motion")]
     turn: Option<f64>,
-    /// Cycles of phase images with --motion. The default gives 16 images or more.
+    /// Number of cycles of phase images with --motion. The default gives 16 images or more.
     #[arg(long, value_name = "C", requires = "motion")]
     cycles: Option<usize>,
-    /// Share of the time in which the shutter is open, 0 to 1. The motion blurs the images.
+    /// Share of the time in which the shutter is open, 0 to 1. Above 0, the motion blurs the images.
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "motion")]
     blur: f64,
-    /// Tremor of the hand on top of --motion: root mean square along each axis, and the same number of degrees about it.
+    /// Tremor of the hand on top of --motion: root mean square along each axis, and as many degrees about it.
     #[arg(long, value_name = "MM", default_value_t = 0.0, requires = "motion")]
     tremor: f64,
     /// Phase images of a cycle in each direction, 3 to 16.
     #[arg(long, value_name = "N", default_value_t = 8)]
     steps: usize,
     /// Width and height of the images, pixels.
-    #[arg(long, value_name = "WxH", default_value = "640x512", value_parser = size)]
+    #[arg(long, value_name = "WxH", default_value = "640x512", value_parser = parse_size)]
     size: [usize; 2],
     /// Noise of the cameras.
-    #[arg(long, value_name = "LEVEL", default_value = "normal", value_parser = one_of(&NoiseLevel::ALL, NoiseLevel::name))]
+    #[arg(
+        long,
+        value_name = "LEVEL",
+        default_value = "normal",
+        value_parser = one_of(&NoiseLevel::ALL, NoiseLevel::name)
+    )]
     noise: NoiseLevel,
     /// Bits of a pixel: GREY has 8, Y10 to Y16 have 10 to 16.
-    #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = one_of(&PixelFormat::ALL, PixelFormat::name))]
+    #[arg(
+        long,
+        value_name = "FORMAT",
+        default_value = "GREY",
+        value_parser = one_of(&PixelFormat::ALL, PixelFormat::name)
+    )]
     format: PixelFormat,
     /// Exponent of the projector. 1 is linear.
     #[arg(long, value_name = "G", default_value_t = 1.0)]
@@ -97,8 +112,8 @@ pub(crate) struct Args {
     /// Standard deviation of δ that the calibration error causes. 0 makes the calibration exact.
     #[arg(long, value_name = "RAD", default_value_t = 0.041)]
     sd: f64,
-    /// Weight of the errors of k2, p1 and p2 of C2 and projector within --sd, 0 to 10. Every other calibration error has
-    /// weight 1.
+    /// Weight of the errors of k2, p1 and p2 of C2 and projector within --sd, 0 to 10. Every other calibration error
+    /// has weight 1.
     #[arg(long, value_name = "FACTOR", default_value_t = 0.0)]
     lens_error: f64,
     /// Depth of the measurement volume, 1 to 300 millimetres. The default is 25, for the nose 45.
@@ -124,7 +139,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// What a configuration says in its own way.
+/// Options that conflict with --config: a configuration has keys of its own for them.
 const DATASET_OPTIONS: [&str; 27] = [
     "object",
     "board",
@@ -155,7 +170,7 @@ const DATASET_OPTIONS: [&str; 27] = [
     "supersampling",
 ];
 
-/// How a hand turns what it moves, unless told otherwise.
+/// Default rotation of the object per millimetre of motion, degrees.
 const DEG_PER_MM: f64 = 0.2;
 
 #[derive(serde::Serialize)]
@@ -186,17 +201,20 @@ impl Args {
         self.print(&simulation.summary())
     }
 
-    /// The board that its options describe together.
+    /// The board that the options describe.
+    ///
+    /// # Errors
+    /// An option of a board outside the volume was given with another board.
     fn board(&self) -> Result<Board, Failure> {
         let board = self.board.unwrap_or(self.object.usual_board());
-        let of_board = [("--board-albedo", self.board_albedo), ("--board-tilt", self.board_tilt)];
+        let options = [("--board-albedo", self.board_albedo), ("--board-tilt", self.board_tilt)];
         match board {
             Board::Apart(apart) => Ok(Board::Apart(BoardApart {
                 albedo: self.board_albedo.unwrap_or(apart.albedo),
                 tilt_deg: self.board_tilt.unwrap_or(apart.tilt_deg),
                 ..apart
             })),
-            Board::None | Board::Dark | Board::Visible => match of_board.into_iter().find_map(|(o, v)| Some((o, v?))) {
+            Board::None | Board::Dark | Board::Visible => match options.into_iter().find_map(|(o, v)| Some((o, v?))) {
                 Some((option, value)) => Err(Failure::Usage(format!(
                     "{option} {value}: this option needs a board outside the measurement volume; give its distance in \
                      millimetres, as in --board 85"
@@ -253,7 +271,7 @@ impl Args {
         } else {
             writeln!(
                 out,
-                "{}: {} images a camera, {} measurable pixels\n\
+                "{}: {} images per camera, {} measurable pixels\n\
                  n {:.2} periods on a segment, sd of δ {:.4} rad, efc {:.3}, projector at {:.2} of the base\n\
                  epipolar error of the calibration {:.3} px rms",
                 self.output.display(),
@@ -270,15 +288,15 @@ impl Args {
     }
 }
 
-/// `X,Y,Z` as three numbers.
-fn shift(text: &str) -> Result<[f64; 3], String> {
+/// Parses three numbers written as `X,Y,Z`.
+fn parse_shift(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
     let wrong = || format!("{text:?} is not a shift; write three lengths in millimetres as in 30,0,-5");
     numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)
 }
 
-/// `WxH` as width and height.
-fn size(text: &str) -> Result<[usize; 2], String> {
+/// Parses width and height written as `WxH`.
+fn parse_size(text: &str) -> Result<[usize; 2], String> {
     let wrong = || format!("{text:?} is not a size; write width and height as in 640x512");
     let (width, height) = text.split_once('x').ok_or_else(wrong)?;
     Ok([width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?])

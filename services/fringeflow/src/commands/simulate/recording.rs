@@ -1,4 +1,4 @@
-//! `fringeflow simulate --config`: a recording of what a virtual scanner would deliver live, with its truth.
+//! `fringeflow simulate --config`: records the output of a virtual scanner, with the true poses of the object.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -19,19 +19,19 @@ struct Report<'a> {
     poses: u64,
     images: [u64; 2],
     patterns: u64,
-    /// How far places of the object move from image to image, millimetres.
+    /// Mean motion of a point of the object from image to image, millimetres.
     mean_motion_mm: f64,
     max_motion_mm: f64,
 }
 
-/// Records the virtual scanner of a configuration for so many seconds, one round of its sweep by default.
+/// Records the virtual scanner of a configuration for `seconds`, or for one round of its sweep.
 pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json: bool) -> Result<(), Failure> {
     let arguments =
         ServiceArgs { config: config.to_owned(), setup: None, segment_table: None, restarts: 0, supervised: false };
     let configuration = arguments.configuration()?;
     let setup = arguments.setup(&configuration)?;
     let unusable = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", config.display()));
-    let configured = ConfiguredScanner::of_instance(&configuration).map_err(|e| unusable(&e))?;
+    let configured = ConfiguredScanner::from_scanner_configuration(&configuration).map_err(|e| unusable(&e))?;
     let Some(options) = configured else {
         return Err(unusable(&"there is no virtual scanner; set cameras.source = \"virtual\""));
     };
@@ -71,7 +71,7 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     }
     Ok(writeln!(
         std::io::stdout().lock(),
-        "{}: {} and {} images of {} poses in {}; places of the object move by {:.3} mm an image, {:.3} at most",
+        "{}: {} and {} images of {} poses in {}; points of the object move by {:.3} mm per image, {:.3} at most",
         report.set,
         report.images[0],
         report.images[1],
@@ -82,8 +82,8 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     )?)
 }
 
-/// A duration that a recording can have, seconds.
-pub(super) fn seconds(text: &str) -> Result<f64, String> {
+/// Parses the duration of a recording, seconds.
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| *seconds > 0.0 && *seconds <= 3600.0);
     seconds.ok_or_else(|| format!("{text:?} is not a duration; write seconds, more than 0 and at most 3600"))
 }

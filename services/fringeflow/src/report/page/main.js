@@ -1,4 +1,4 @@
-// What the page says first, and everything set in motion.
+// Header and key figures of the page. Builds all panels.
 
 const run = JSON.parse(byId("data").textContent);
 const times = run.time_line.map(({ wall_ms }) => wall_ms / 1000);
@@ -19,10 +19,10 @@ function showAbout() {
     const [width, height] = run.image_size_px;
     const { host, cpu, kernel } = run.origin;
     const facts = [
-        [run.is_recorded ? "First report" : "Start", `${day(start)} ${second(start)}`, `times of ${zone}`],
+        [run.is_recorded ? "First report" : "Start", `${day(start)} ${second(start)}`, `time zone ${zone}`],
         ["Duration", duration(run.duration_s), `a point every ${duration(run.span_s)}`],
         ["Images", `${width} × ${height}`, `${run.steps} steps`],
-        ["Fringeflow", run.version, run.is_recorded ? "that recorded it" : ""],
+        ["Fringeflow", run.version, run.is_recorded ? "version that made the recording" : ""],
         ["Machine", host || MISSING, [cpu, kernel && `Linux ${kernel}`].filter(Boolean).join(", ")],
         [run.is_recorded ? "From the recording" : "Recording", run.recording ?? "none", ""],
     ];
@@ -31,13 +31,13 @@ function showAbout() {
     byId("about").append(...facts.map(entry));
 }
 
-function showRemark() {
+function showRemarks() {
     const remarks = [
         run.replayed &&
-            "This run was a replay. Times count from the moment at which a window was complete, and there is no latency from exposure to cloud.",
+            "This run was a replay. Times count from the completion of a window. There is no latency from exposure to cloud.",
         run.windows_incomplete > 0 &&
-            `The way from exposure to cloud leaves out ${plural(run.windows_incomplete, "window")} without the report of an earlier stage. The recording began in the middle, or a report was lost.`,
-        run.time_line.length === 0 && "No stage has reported.",
+            `The segments leave out ${plural(run.windows_incomplete, "window")} without the report of an earlier stage. The recording began during the run, or a report was lost.`,
+        run.time_line.length === 0 && "No stage sent a report.",
     ].filter(Boolean);
     byId("remark").textContent = remarks.join(" ");
     byId("remark").hidden = remarks.length === 0;
@@ -50,24 +50,24 @@ function driftTile(window) {
 
 function describeHealth({ worst, windows, quantities }) {
     if (windows === 0) {
-        return [MISSING, "", "not told"];
+        return [MISSING, "", "not reported"];
     }
     const beyond = quantities.filter(({ state }) => state === "warn" || state === "bad").length;
-    const note = beyond > 0 ? `at worst; ${plural(beyond, "quantity", "quantities")} beyond limits` : "all within their limits";
+    const note = beyond > 0 ? `worst state; ${plural(beyond, "quantity", "quantities")} beyond limits` : "all quantities within limits";
     return [worst, "", note, HEALTH_LEVELS[worst]];
 }
 
 function showTiles(lost) {
     const total = run.exposure_to_cloud;
     const window = run.last_window;
-    const efc = mean(run.time_line.map((at) => at.window?.efc));
+    const efc = mean(run.time_line.map((sample) => sample.window?.efc));
     const decisions = sum(run.drops.filter(({ kind }) => kind === "decision").map(({ count }) => count));
     const clouds = run.stages.find(({ stage }) => stage === "cloud")?.passed;
-    const unknown = run.replayed ? "not known of a replay" : "no cloud";
+    const unknown = run.replayed ? "unknown in a replay" : "no cloud";
     const tiles = [
-        ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "a second")],
+        ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "per second")],
         ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)}` : unknown],
-        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `longest ${milliseconds(total.max_ms)}` : unknown],
+        ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `max ${milliseconds(total.max_ms)}` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "for each true one, on average"],
@@ -100,7 +100,7 @@ function startTheme() {
         changed();
     });
     system.addEventListener("change", changed);
-    // Paper is white, and narrower than most screens.
+    // A print has the light theme, and plots in the width of the paper.
     let before;
     addEventListener("beforeprint", () => {
         before = root.dataset.theme;
@@ -121,10 +121,10 @@ function startTheme() {
 }
 
 showAbout();
-showRemark();
+showRemarks();
 showTiles(showHead());
 showLatency(run, times);
-showWay(run, times);
+showSegments(run, times);
 showLatencyTables(run);
 showWorst(run);
 showLost(run, times);

@@ -1,15 +1,15 @@
-// The panels of the page, each from the figures of the run.
+// The panels of the page. Each shows some figures of the run.
 
 const mean = (values) => {
-    const told = values.filter(isNumber);
-    return told.length > 0 ? told.reduce((sum, value) => sum + value, 0) / told.length : undefined;
+    const numbers = values.filter(isNumber);
+    return numbers.length > 0 ? numbers.reduce((sum, value) => sum + value, 0) / numbers.length : undefined;
 };
 const sum = (values) => values.reduce((total, value) => total + (value ?? 0), 0);
 
-/** A plot with a legend that tells the values under the cursor, or else those of `rest(index)`. */
+/** Shows a plot with a legend. The legend has the values at the cursor, or those of `rest(index)` without a cursor. */
 function showPlot(id, { times, series, columns, text, rest, toggles = true, order = (list) => list, ...options }) {
-    const showValues = (place) =>
-        tell(columns.map((column, index) => text(place === null ? rest(index) : column[place], index, place)));
+    const showValues = (at) =>
+        setTexts(columns.map((column, index) => text(at === null ? rest(index) : column[at], index, at)));
     const plot = makePlot(byId(`${id}-plot`), {
         times,
         series: order(series),
@@ -18,7 +18,7 @@ function showPlot(id, { times, series, columns, text, rest, toggles = true, orde
         ...options,
     });
     const toggled = toggles ? (index, show) => plot.setSeries(index + 1, { show }) : undefined;
-    const tell = makeLegend(byId(`${id}-legend`), series, toggled);
+    const setTexts = makeLegend(byId(`${id}-legend`), series, toggled);
     showValues(null);
     return {
         show: (next) => {
@@ -29,7 +29,7 @@ function showPlot(id, { times, series, columns, text, rest, toggles = true, orde
     };
 }
 
-// The others take microseconds; one click shows them.
+// Series that are visible at first. The other stages take only microseconds; a click in the legend shows them.
 const SHOWN_STAGES = ["total", "phase", "correspondence", "cloud"];
 
 function showLatency(run, times) {
@@ -41,37 +41,41 @@ function showLatency(run, times) {
         shown: SHOWN_STAGES.includes(name),
         ...(name === "total" && { width: 2.5, fill: "ink-wash" }),
     }));
-    const whole = (name) =>
+    const wholeRun = (name) =>
         name === "total" ? run.exposure_to_cloud : run.stages.find(({ stage }) => stage === name).latency;
     const select = byId("percentile");
-    const of = (percentiles) => percentiles?.[select.value] ?? null;
+    const selected = (percentiles) => percentiles?.[select.value] ?? null;
     const columns = () =>
-        names.map((name) => run.time_line.map((at) => of(name === "total" ? at.total : at.stages[name])));
+        names.map((name) =>
+            run.time_line.map((sample) => selected(name === "total" ? sample.total : sample.stages[name])),
+        );
     const plot = showPlot("latency", {
         times,
         series,
         columns: columns(),
         unit: " ms",
         text: (value) => milliseconds(value),
-        rest: (index) => whole(names[index])?.[["p50_ms", "p90_ms", "p99_ms"][select.value]],
+        rest: (index) => wholeRun(names[index])?.[["p50_ms", "p90_ms", "p99_ms"][select.value]],
     });
     select.addEventListener("change", () => plot.show(columns()));
     byId("latency-summary").textContent =
         (run.exposure_to_cloud ? "Total: from the last exposure of a window to its cloud. " : "") +
-        "Beside the names: the whole run, or the moment under the cursor.";
+        "The legend shows the values of the whole run, or those at the cursor.";
 }
 
-function showWay(run, times) {
-    const told = run.segments.map(({ segment }) => segment);
-    const places = told.map((name) => run.segment_names.indexOf(name));
-    const series = told.map((name) => ({ label: titled(name), colour: stageColour(name) }));
-    const means = places.map((place) => run.time_line.map(({ segments }) => segments?.[place] ?? null));
-    // Each area reaches from zero to the top of its segment; those drawn later cover the lower part.
-    const tops = told.map((_, index) =>
-        times.map((_, at) => (means[0][at] === null ? null : sum(means.slice(0, index + 1).map((one) => one[at])))),
+function showSegments(run, times) {
+    const names = run.segments.map(({ segment }) => segment);
+    const indices = names.map((name) => run.segment_names.indexOf(name));
+    const series = names.map((name) => ({ label: titled(name), colour: stageColour(name) }));
+    const means = indices.map((index) => run.time_line.map(({ segments }) => segments?.[index] ?? null));
+    // Each area reaches from zero to the top of its segment. Areas drawn later cover the lower part.
+    const tops = names.map((_, index) =>
+        times.map((_, at) =>
+            means[0][at] === null ? null : sum(means.slice(0, index + 1).map((column) => column[at])),
+        ),
     );
     const areas = series.map((entry) => ({ ...entry, width: 0, fill: entry.colour }));
-    showPlot("way", {
+    showPlot("segments", {
         times,
         series: areas,
         columns: means,
@@ -79,10 +83,7 @@ function showWay(run, times) {
         order: (list) => list.toReversed(),
         toggles: false,
         unit: " ms",
-        text: (value, index, place) =>
-            place === null
-                ? `${fixed(run.segments[index].share, 1)} %`
-                : milliseconds(value),
+        text: (value, index, at) => (at === null ? `${fixed(run.segments[index].share, 1)} %` : milliseconds(value)),
         rest: () => undefined,
     });
 }
@@ -104,7 +105,7 @@ function showRates(run, times) {
 function showLost(run, times) {
     const lost = (name) => run.time_line.map(({ dropped }) => dropped[name] ?? null);
     const names = run.stages.map(({ stage }) => stage).filter((name) => Math.max(...lost(name)) > 0);
-    // Of nothing there is no course.
+    // Without losses the panel is hidden, and the rates take the whole row.
     byId("lost").hidden = names.length === 0;
     byId("rates").classList.toggle("wide", names.length === 0);
     if (names.length > 0) {
@@ -124,14 +125,14 @@ const percentileColumns = [
 function showLatencyTables(run) {
     const name = (key, title) => ({ title, cell: (row) => coloured(row[key]) });
     const share = { title: "share", number: true, text: (row) => withUnit(fixed(row.share, 1), "%") };
-    const whole = run.exposure_to_cloud
+    const total = run.exposure_to_cloud
         ? [{ segment: "total", latency: run.exposure_to_cloud, share: 100 }]
         : [];
     showTable(
-        byId("parts"),
-        "Latency of each part of the way in milliseconds, and its share of the whole",
-        [name("segment", "part, ms"), ...percentileColumns, share],
-        [...run.segments.filter(({ latency }) => latency), ...whole],
+        byId("segments"),
+        "Latency of each segment in milliseconds, and its share of the total",
+        [name("segment", "segment, ms"), ...percentileColumns, share],
+        [...run.segments.filter(({ latency }) => latency), ...total],
         ({ segment }) => segment === "total",
     );
     const count = { title: "items", number: true, text: ({ latency }) => fixed(latency?.count) };
@@ -143,7 +144,7 @@ function showLatencyTables(run) {
     );
 }
 
-/** The parts of a window as a bar; the longest window of all fills it. */
+/** The segments of a window as a bar. The slowest window takes the full width. */
 function bar(run, row, longest_ms) {
     const parts = row.segments_ms.map((ms, index) => {
         const name = run.segment_names[index];
@@ -161,12 +162,12 @@ function showWorst(run) {
     };
     showTable(
         byId("worst"),
-        "The slowest windows, and why",
+        "The slowest windows and the cause of their latency",
         [
             { title: run.replayed ? "complete at" : "exposed at", text: time },
-            { title: "after, s", number: true, text: ({ time_s }) => fixed(time_s, 2) },
-            { title: "took, ms", number: true, text: ({ total_ms }) => inMilliseconds(total_ms) },
-            { title: "made of", cell: (row) => bar(run, row, longest_ms) },
+            { title: "since start, s", number: true, text: ({ time_s }) => fixed(time_s, 2) },
+            { title: "total, ms", number: true, text: ({ total_ms }) => inMilliseconds(total_ms) },
+            { title: "segments", cell: (row) => bar(run, row, longest_ms) },
             { title: "cause", wide: true, text: ({ cause }) => cause },
         ],
         run.worst,
@@ -178,12 +179,12 @@ function showDrops(run) {
         element("span", { class: "badge", "data-level": DROP_KINDS[kind].level }, DROP_KINDS[kind].title);
     showTable(
         byId("drops"),
-        "What each stage dropped or survived, by reason",
+        "Drops and incidents by stage and reason",
         [
             { title: "stage", cell: ({ stage }) => coloured(stage) },
             { title: "kind", cell: badge },
             { title: "reason", text: ({ reason }) => words(reason) },
-            { title: "what it means", wide: true, text: ({ meaning }) => meaning },
+            { title: "meaning", wide: true, text: ({ meaning }) => meaning },
             { title: "items", number: true, text: ({ count }) => fixed(count) },
         ],
         run.drops,
@@ -193,8 +194,8 @@ function showDrops(run) {
 function showHealth(run) {
     byId("health-summary").textContent =
         run.health.windows > 0
-            ? `${run.health.worst} at worst, over ${plural(run.health.windows, "window")}. Each quantity is shown at its worst. Shares are in percent.`
-            : "No window reported it.";
+            ? `Worst state: ${run.health.worst}, over ${plural(run.health.windows, "window")}. The table shows each quantity at its worst. Shares are in percent.`
+            : "No window reported its health.";
     const state = ({ state }) => element("span", { class: "badge", "data-level": HEALTH_LEVELS[state] ?? "idle" }, state);
     showTable(
         byId("health"),
@@ -218,7 +219,7 @@ const percent = (value) => withUnit(fixed(value, 1), "%");
 const QUALITY = [
     { label: "Noise of δ (sd)", lines: [["series-1", (window) => window.sd_rad]], text: radians },
     {
-        label: "Drift of the calibration · noise about it",
+        label: "Calibration drift · noise about it",
         lines: [
             ["series-6", (window) => window.drift_rms_rad],
             ["series-1", (window) => window.residual_sd_rad],
@@ -227,7 +228,7 @@ const QUALITY = [
     },
     { label: "Median of δ", lines: [["series-5", (window) => window.delta_median_rad]], text: radians, range: aroundZero },
     { label: "Expected false (efc)", lines: [["series-4", (window) => window.efc]], text: short },
-    { label: "Periods a segment (n)", lines: [["series-9", (window) => window.n]], text: short },
+    { label: "Periods per segment (n)", lines: [["series-9", (window) => window.n]], text: short },
     { label: "Unique", lines: [["series-3", (window) => window.unique]], text: percent, range: () => [0, 100] },
     { label: "Undecided", lines: [["series-8", (window) => window.undecided]], text: percent },
     { label: "Rejected", lines: [["series-6", (window) => window.rejected]], text: percent },
@@ -245,13 +246,13 @@ function showQuality(run, times) {
     for (const { label, lines, text, range } of QUALITY) {
         const columns = lines.map(([, read]) => run.time_line.map(({ window }) => (window ? read(window) : null)));
         const value = element("span", { class: "small-plot-value" });
-        const about = { class: "small-plot-canvas", role: "img", "aria-label": `${label} over time` };
-        const canvas = element("div", about);
+        const attributes = { class: "small-plot-canvas", role: "img", "aria-label": `${label} over time` };
+        const canvas = element("div", attributes);
         const caption = element("figcaption", {}, element("span", { class: "small-plot-label" }, label), value);
         byId("quality").append(element("figure", { class: "small-plot" }, caption, canvas));
-        const show = (place) => {
-            const of = (column) => text(place === null ? mean(column) : column[place]);
-            value.textContent = columns.map(of).join(" · ") + (place === null ? " mean" : "");
+        const show = (at) => {
+            const valueText = (column) => text(at === null ? mean(column) : column[at]);
+            value.textContent = columns.map(valueText).join(" · ") + (at === null ? " mean" : "");
         };
         const series = lines.map(([colour]) => ({ label, colour }));
         makePlot(canvas, { times, series, columns, range, small: true, hovered: show });

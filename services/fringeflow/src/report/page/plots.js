@@ -1,12 +1,12 @@
-// Plots over the whole run, all with the same time axis, and a cursor that they share.
+// Plots over the whole run. They have the same time axis and share the cursor.
 
 const DAY_S = 86_400;
-// Where there are fewer points than this, each is marked: a line needs two.
-const FEW = 40;
+// With fewer points than this, each point is marked, since a line needs two.
+const MARKED_POINTS = 40;
 
 const plots = new Set();
 
-/** Every plot in the size of its place and in the colours of now. */
+/** Redraws every plot in the size of its holder and with the current colours. */
 function redrawPlots() {
     forgetColours();
     plots.forEach(({ plot, holder }) => {
@@ -16,9 +16,9 @@ function redrawPlots() {
 }
 
 /**
- * A plot over `times`, Unix seconds. `series` are `{ label, colour, width, fill, shown }`, `columns` their values;
- * `range(least, greatest)` gives the ends of the vertical axis, `unit` stands at its labels; `hovered(index)` is told the place
- * in the columns that the cursor points to, or null.
+ * Makes a plot over `times`, Unix seconds. `series` are `{ label, colour, width, fill, shown }`, and `columns` their
+ * values. `range(least, greatest)` returns the range of the vertical axis, and `unit` follows its labels.
+ * `hovered(index)` receives the index into the columns at the cursor, or null.
  */
 function makePlot(holder, { times, series, columns, range = fromZero, unit = "", small = false, hovered }) {
     const options = {
@@ -41,7 +41,7 @@ function makePlot(holder, { times, series, columns, range = fromZero, unit = "",
 
 function markedLineStyle(entry, count) {
     const style = lineStyle(entry);
-    const show = count < FEW && style.width > 0;
+    const show = count < MARKED_POINTS && style.width > 0;
     return { ...style, points: { show, size: 5, width: 0, fill: style.stroke } };
 }
 

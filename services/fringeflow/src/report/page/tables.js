@@ -1,21 +1,21 @@
-// Elements, tables and legends. Everything from the data is set as text.
+// Elements, tables and legends. All values from the data are set as text.
 
 const byId = (id) => document.getElementById(id);
 
 function element(name, attributes = {}, ...children) {
-    const made = document.createElement(name);
+    const created = document.createElement(name);
     for (const [attribute, value] of Object.entries(attributes)) {
         if (value !== undefined && value !== null) {
-            made.setAttribute(attribute, value);
+            created.setAttribute(attribute, value);
         }
     }
-    made.append(...children);
-    return made;
+    created.append(...children);
+    return created;
 }
 
 /**
- * A table. `columns` are `{ title, number, text(row), cell(row) }`: text of a cell, or its element; the first is the head of
- * each row. `emphasized(row)` sets a row off.
+ * Shows a table. Each column is `{ title, number, wide, text(row), cell(row) }`: `text` returns the text of a cell, or
+ * `cell` its element. The first column holds the row headings. `emphasized(row)` selects rows to emphasize.
  */
 function showTable(holder, caption, columns, rows, emphasized = () => false) {
     const style = ({ number, wide }) => (number ? "number" : wide ? "wide-cell" : undefined);
@@ -33,17 +33,17 @@ function showTable(holder, caption, columns, rows, emphasized = () => false) {
         element("thead", {}, element("tr", {}, ...head)),
         element("tbody", {}, ...body),
     );
-    holder.replaceChildren(rows.length > 0 ? table : element("p", { class: "summary" }, "Nothing."));
+    holder.replaceChildren(rows.length > 0 ? table : element("p", { class: "summary" }, "None."));
 }
 
 const swatch = (name) => element("span", { class: "swatch", style: `--swatch: var(--${name})` });
 
-/** A name with its colour. */
+/** A name with a swatch of its colour. */
 const coloured = (name) => element("span", { class: "coloured" }, swatch(stageColour(name)), titled(name));
 
 /**
- * Name, colour and value of each series. With `toggled(index, shown)` each is a button that shows or hides it. Returns a
- * function that shows the values.
+ * Fills a legend with the name, colour and value of each series. With `toggled(index, shown)`, each entry is a button
+ * that shows or hides its series. Returns a function that sets the values.
  */
 function makeLegend(holder, series, toggled) {
     const values = series.map(({ label, colour: name, shown = true }, index) => {
@@ -56,9 +56,9 @@ function makeLegend(holder, series, toggled) {
         const state = { class: "legend-entry", type: "button", "aria-pressed": String(shown) };
         const button = element("button", state, ...parts);
         button.addEventListener("click", () => {
-            const now = button.getAttribute("aria-pressed") !== "true";
-            button.setAttribute("aria-pressed", String(now));
-            toggled(index, now);
+            const isShown = button.getAttribute("aria-pressed") !== "true";
+            button.setAttribute("aria-pressed", String(isShown));
+            toggled(index, isShown);
         });
         holder.append(element("li", {}, button));
         return value;

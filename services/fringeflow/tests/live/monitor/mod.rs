@@ -1,4 +1,4 @@
-//! The monitor beside a running instance: who is let in, what is told, and what it may cost the scan.
+//! The monitor of a running instance: access, content, and its effect on the scan.
 
 mod clients;
 mod dashboard;
@@ -15,35 +15,37 @@ use serde_json::Value;
 
 use crate::support::{Arguments, Bench, Live};
 
-/// Only there against hanging.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Fails a test that hangs.
+const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// An instance whose monitor is reached over HTTP.
+/// An instance whose monitor answers over HTTP.
 struct Watched<'a> {
     live: Live<'a>,
     address: SocketAddr,
 }
 
-/// What a server answered.
+/// Answer of an HTTP server.
 #[derive(Debug)]
 struct Answer {
     status: u16,
+    /// In lower case.
     head: String,
     body: String,
 }
 
-/// An instance with a monitor on ports that are free, and what else its `[monitor]` says.
-fn bench(more: &str) -> Bench {
-    bench_with(&[], more)
+/// Creates a bench with a monitor on free ports, and further lines in the table `[monitor]`.
+fn monitor_bench(more: &str) -> Bench {
+    monitor_bench_with_changes(&[], more)
 }
 
-/// [`bench`] with changes to the configuration.
-fn bench_with(changes: &[(&str, &str)], more: &str) -> Bench {
+/// [`monitor_bench`] with further changes to the configuration.
+fn monitor_bench_with_changes(changes: &[(&str, &str)], more: &str) -> Bench {
     let on = format!("enabled = true\naddress = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"\n{more}");
-    Bench::with(&[changes, &[("enabled = false", on.as_str())]].concat())
+    Bench::with_changes(&[changes, &[("enabled = false", on.as_str())]].concat())
 }
 
 impl<'a> Watched<'a> {
+    /// Starts an instance, and waits until its dashboard listens.
     fn start(bench: &'a Bench, arguments: Arguments<'_>) -> Self {
         let live = bench.start(arguments);
         let mut address = None;
@@ -57,21 +59,21 @@ impl<'a> Watched<'a> {
 
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(self.address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         stream
     }
 
-    /// Sends bytes, and reads the answer until the other side closes.
+    /// Sends bytes, and reads the answer until the server closes the connection.
     fn send(&self, request: &[u8]) -> Answer {
         let mut stream = self.connect();
-        // A request that is refused early may not be read to its end.
+        // Errors are ignored: a server that refuses a request may close before it has read everything.
         let _ = stream.write_all(request);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
-        Answer::of(&answer)
+        Answer::parse(&answer)
     }
 
-    /// A request with headers of its own.
+    /// Sends a request with these headers. Adds the right host unless they name one.
     fn request(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
         let mut request =
             format!("{method} {path} HTTP/1.1\r\nConnection: close\r\nContent-Length: {}\r\n", body.len());
@@ -88,19 +90,19 @@ impl<'a> Watched<'a> {
         self.request("GET", path, &[], "")
     }
 
-    /// The figures of the last second.
+    /// Returns the figures of the last second.
     fn figures(&self) -> Value {
         serde_json::from_str(&self.get("/figures").body).unwrap()
     }
 
     /// Sends a command as the page does.
-    fn control(&self, wish: &Value) -> Answer {
-        self.request("POST", "/control", &[("Content-Type", "application/json")], &wish.to_string())
+    fn control(&self, command: &Value) -> Answer {
+        self.request("POST", "/control", &[("Content-Type", "application/json")], &command.to_string())
     }
 }
 
 impl Answer {
-    fn of(bytes: &[u8]) -> Self {
+    fn parse(bytes: &[u8]) -> Self {
         let text = String::from_utf8_lossy(bytes);
         let (head, body) = text.split_once("\r\n\r\n").unwrap_or((&text, ""));
         let status = head.split(' ').nth(1).and_then(|status| status.parse().ok()).unwrap_or(0);
@@ -108,7 +110,7 @@ impl Answer {
     }
 }
 
-/// Host and port of a URL.
+/// Returns host and port of a URL.
 fn host_of(url: &str) -> &str {
     url.split('/').nth(2).unwrap()
 }

@@ -1,4 +1,4 @@
-//! The page, its figures, its buttons.
+//! The page, its figures and its buttons.
 
 use serde_json::json;
 
@@ -7,14 +7,14 @@ use fringeflow_message::Stage;
 use super::*;
 
 #[test]
-fn the_page_and_its_figures_tell_what_the_instance_does() {
-    let bench = bench("");
+fn the_page_the_figures_and_the_metrics_show_the_state_of_the_instance() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
     watched.live.wait_for_clouds(3);
     let page = watched.get("/");
     assert!(page.status == 200 && page.body.contains("panel-cloud"), "{page:?}");
     assert!(page.head.contains("default-src 'self'"), "{page:?}");
-    watched.live.wait_until("the figures tell of clouds", || {
+    watched.live.wait_until("the figures have clouds", || {
         watched.figures()["exposure_to_cloud"]["count"].as_u64().is_some_and(|count| count > 0)
     });
     let figures = watched.figures();
@@ -36,23 +36,23 @@ fn the_page_and_its_figures_tell_what_the_instance_does() {
 }
 
 #[test]
-fn a_scanner_that_is_not_healthy_is_told_by_metrics_page_and_events() {
+fn bad_health_appears_in_the_figures_the_metrics_the_log_and_the_summary() {
     let on = "enabled = true\naddress = \"127.0.0.1:0\"\nfoxglove = \"off\"";
-    let bench = Bench::with(&[("enabled = false", on), ("noise = \"low\"", "noise = \"low\"\ngamma = 1.4")]);
+    let bench = Bench::with_changes(&[("enabled = false", on), ("noise = \"low\"", "noise = \"low\"\ngamma = 1.4")]);
     let watched = Watched::start(&bench, &[]);
     watched.live.wait_until("the health is bad", || watched.figures()["window"]["health"]["state"] == "bad");
     let metrics = watched.get("/metrics").body;
     assert!(metrics.contains("fringeflow_health_state{quantity=\"harmonics_cam1\"} 2.0"), "{metrics}");
     assert!(!metrics.lines().any(|line| line.starts_with("fringeflow_health") && line.ends_with("NaN")), "{metrics}");
-    let ended = watched.live.quit();
-    let told = "harmonics of the fringes, camera 1: bad";
-    assert_eq!(ended.log.matches(told).count(), 1, "{}", ended.log);
-    assert_eq!(ended.summary["health"]["worst"], "bad");
+    let run = watched.live.quit();
+    let event = "harmonics of the fringes, camera 1: bad";
+    assert_eq!(run.log.matches(event).count(), 1, "{}", run.log);
+    assert_eq!(run.summary["health"]["worst"], "bad");
 }
 
 #[test]
-fn buttons_record_mark_and_stop() {
-    let bench = bench("");
+fn the_commands_of_the_page_record_mark_stop_and_start() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
     let refused = watched.control(&json!({"command": "mark", "text": "too early"}));
     assert!(refused.status == 409 && refused.body.contains("start one before"), "{refused:?}");
@@ -64,22 +64,22 @@ fn buttons_record_mark_and_stop() {
     watched.live.wait_for_clouds(1);
     assert_eq!(watched.control(&json!({"command": "mark", "text": "<b>ear</b>"})).status, 200);
     assert_eq!(watched.control(&json!({"command": "end-recording"})).status, 200);
-    watched.live.wait_until("the recording is whole", || std::path::Path::new(&file).exists());
+    watched.live.wait_until("the recording is complete", || std::path::Path::new(&file).exists());
     assert_eq!(watched.control(&json!({"command": "stop"})).status, 200);
-    watched.live.wait_until("the figures tell that it stopped", || watched.figures()["state"]["scanning"] == false);
+    watched.live.wait_until("the figures show the stop", || watched.figures()["state"]["scanning"] == false);
     let before = bench.counts(Stage::Cloud).passed;
     assert_eq!(watched.control(&json!({"command": "start"})).status, 200);
     watched.live.wait_until("there are clouds again", || bench.counts(Stage::Cloud).passed > before);
-    let remarks = bench.done(&[0], &[&"info", &file]);
-    assert!(remarks.contains("<b>ear</b>"), "{remarks}");
+    let info = bench.execute(&[0], &[&"info", &file]);
+    assert!(info.contains("<b>ear</b>"), "{info}");
     watched.live.quit().assert_balanced();
 }
 
 #[test]
-fn a_killed_monitor_comes_back_at_its_address_and_the_scan_goes_on() {
+fn a_killed_monitor_returns_at_the_same_address_and_the_scan_goes_on() {
     let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let bench =
-        Bench::with(&[("enabled = false", &format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"off\""))]);
+    let monitor = format!("enabled = true\naddress = \"{free}\"\nfoxglove = \"off\"");
+    let bench = Bench::with_changes(&[("enabled = false", &monitor)]);
     let watched = Watched::start(&bench, &[]);
     assert_eq!(watched.address, free);
     watched.live.signal("monitor", rustix::process::Signal::KILL);
@@ -87,8 +87,8 @@ fn a_killed_monitor_comes_back_at_its_address_and_the_scan_goes_on() {
         TcpStream::connect(free).is_ok() && watched.get("/figures").body.contains("\"figures\"")
     });
     watched.live.wait_for_clouds(2);
-    let ended = watched.live.quit();
-    ended.assert_balanced();
-    assert_eq!(ended.summary["restarts"], 1);
+    let run = watched.live.quit();
+    run.assert_balanced();
+    assert_eq!(run.summary["restarts"], 1);
     bench.assert_nothing_left();
 }

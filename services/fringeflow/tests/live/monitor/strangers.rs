@@ -1,17 +1,18 @@
-//! Who has no business here: refused or bounded, and nobody else is reached.
+//! Security of the monitor: foreign and malformed requests are refused, slow and many connections are limited, and
+//! other machines have no access by default.
 
 use std::time::Instant;
 
 use super::*;
 
-/// Connections of the stranger that opens too many.
+/// Number of connections that one client opens at once.
 const CONNECTIONS: usize = 1000;
-/// Of these, more than the server serves at once.
-const SERVED: usize = 256;
+/// The server serves fewer connections than this at once.
+const MAX_SERVED: usize = 256;
 
 #[test]
-fn foreign_names_and_origins_are_refused() {
-    let bench = bench("");
+fn requests_with_foreign_hosts_or_origins_are_refused() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
     let own = watched.address.to_string();
     for host in ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "169.254.1.1"] {
@@ -35,7 +36,7 @@ fn foreign_names_and_origins_are_refused() {
     let json = ("Content-Type", "application/json");
     let command = r#"{"command": "stop"}"#;
     assert_eq!(watched.request("POST", "/control", &[json, ("Origin", "http://evil.example")], command).status, 403);
-    // What a form or a script without permission can send.
+    // Media types that a form, or a script of another origin, can send without permission.
     for media_type in ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data"] {
         assert_eq!(watched.request("POST", "/control", &[("Content-Type", media_type)], command).status, 415);
     }
@@ -44,8 +45,8 @@ fn foreign_names_and_origins_are_refused() {
 }
 
 #[test]
-fn odd_requests_are_refused_and_the_server_lives_on() {
-    let bench = bench("");
+fn malformed_requests_are_refused_and_the_server_goes_on() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
     for path in ["/nothing", "/../Cargo.toml", "/%2e%2e/%2e%2e/etc/passwd", "/app/", "/vendor/SHA256SUMS", "/figures/x"]
     {
@@ -74,29 +75,29 @@ fn odd_requests_are_refused_and_the_server_lives_on() {
 }
 
 #[test]
-fn slow_heads_are_cut_off_and_a_thousand_connections_are_bounded() {
-    let bench = bench("");
+fn slow_requests_are_cut_off_and_the_number_of_connections_is_limited() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
     let mut slow = watched.connect();
     slow.write_all(b"GET /figures HTTP/1.1\r\nHost:").unwrap();
-    let begin = Instant::now();
-    // A byte now and then does not buy more time.
+    let start = Instant::now();
+    // A byte now and then does not extend the deadline.
     slow.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
     let is_cut = |stream: &mut TcpStream| {
         let is_open = |result: std::io::Result<usize>| matches!(&result, Err(error) if matches!(error.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut));
         stream.write_all(b" ").is_err() || !is_open(stream.read(&mut [0; 256]))
     };
     while !is_cut(&mut slow) {
-        assert!(begin.elapsed() < PATIENCE, "a slow head is waited for without end");
+        assert!(start.elapsed() < TIMEOUT, "a slow request is never cut off");
     }
     let mut held: Vec<TcpStream> = (0..CONNECTIONS).filter_map(|_| TcpStream::connect(watched.address).ok()).collect();
     let refused = |stream: &mut TcpStream| {
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
-        Answer::of(&answer).status == 503
+        Answer::parse(&answer).status == 503
     };
-    assert!(held.len() > SERVED && held[SERVED..].iter_mut().any(refused), "{} connections were all taken", held.len());
+    assert!(held.len() > MAX_SERVED && held[MAX_SERVED..].iter_mut().any(refused), "all {} are served", held.len());
     drop(held);
     watched.live.wait_until("the server answers again", || watched.get("/figures").status == 200);
     watched.live.wait_for_clouds(1);
@@ -104,8 +105,8 @@ fn slow_heads_are_cut_off_and_a_thousand_connections_are_bounded() {
 }
 
 #[test]
-fn a_token_is_asked_for_where_there_is_one() {
-    let bench = bench("token_file = \"token\"\n");
+fn every_path_requires_the_configured_token() {
+    let bench = monitor_bench("token_file = \"token\"\n");
     let token = "0123456789abcdef";
     std::fs::write(bench.path("token"), token).unwrap();
     let watched = Watched::start(&bench, &[]);
@@ -123,41 +124,40 @@ fn a_token_is_asked_for_where_there_is_one() {
 }
 
 #[test]
-fn nothing_but_this_machine_is_listened_to_by_default() {
-    // As configured where nothing is said about the monitor.
-    let bench = Bench::with(&[("[monitor]\nenabled = false\n", "")]);
+fn all_servers_listen_on_this_machine_only_by_default() {
+    // Without the table [monitor].
+    let bench = Bench::with_changes(&[("[monitor]\nenabled = false\n", "")]);
     let watched = Watched::start(&bench, &[]);
     watched.live.wait_for_clouds(1);
-    let monitor = bench.pid_of("monitor").unwrap();
     let listening: Vec<String> = crate::support::SERVICES
         .iter()
         .filter_map(|service| bench.pid_of(service))
-        .chain([monitor, watched.live.pid()])
-        .flat_map(listening)
+        .chain([watched.live.pid()])
+        .flat_map(listening_addresses)
         .collect();
-    assert!(listening.len() >= 3, "dashboard, viewers, and the server behind: {listening:?}");
+    assert!(listening.len() >= 3, "dashboard, viewers, and the server behind them: {listening:?}");
     assert!(listening.iter().all(|address| address.starts_with("127.")), "{listening:?}");
     watched.live.quit().assert_balanced();
 }
 
 #[test]
-fn an_address_for_others_without_a_token_is_refused_before_anything_starts() {
-    let bench = Bench::with(&[("enabled = false", "address = \"0.0.0.0:0\"")]);
-    bench.refused(
+fn run_refuses_a_public_address_without_a_token_and_other_unusable_monitor_settings() {
+    let bench = Bench::with_changes(&[("enabled = false", "address = \"0.0.0.0:0\"")]);
+    bench.assert_refused(
         &[&"run", &"--config", &bench.configuration()],
         &["scanner.toml", "monitor.token_file", "16 characters"],
     );
-    let bench = Bench::with(&[("enabled = false", "token_file = \"nothing\"")]);
-    bench.refused(&[&"run", &"--config", &bench.configuration()], &["nothing", "cannot be read"]);
+    let bench = Bench::with_changes(&[("enabled = false", "token_file = \"nothing\"")]);
+    bench.assert_refused(&[&"run", &"--config", &bench.configuration()], &["nothing", "cannot be read"]);
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = taken.local_addr().unwrap().to_string();
-    let bench = Bench::with(&[("enabled = false", &format!("address = \"{address}\""))]);
-    bench.refused(&[&"run", &"--config", &bench.configuration()], &["monitor.address", &address]);
+    let bench = Bench::with_changes(&[("enabled = false", &format!("address = \"{address}\""))]);
+    bench.assert_refused(&[&"run", &"--config", &bench.configuration()], &["monitor.address", &address]);
 }
 
-/// Addresses that a process listens on, TCP of both kinds and UDP.
-fn listening(pid: u32) -> Vec<String> {
-    let own: Vec<String> = std::fs::read_dir(format!("/proc/{pid}/fd"))
+/// Returns the addresses that a process listens on: TCP and UDP, IPv4 and IPv6.
+fn listening_addresses(pid: u32) -> Vec<String> {
+    let inodes: Vec<String> = std::fs::read_dir(format!("/proc/{pid}/fd"))
         .unwrap()
         .flatten()
         .filter_map(|entry| {
@@ -170,16 +170,17 @@ fn listening(pid: u32) -> Vec<String> {
         let text = std::fs::read_to_string(format!("/proc/{pid}/net/{table}")).unwrap_or_default();
         for line in text.lines().skip(1) {
             let fields: Vec<&str> = line.split_ascii_whitespace().collect();
-            if own.iter().any(|inode| inode == fields[9]) && state.is_none_or(|state| fields[3] == state) {
-                found.push(address(fields[1]));
+            if inodes.iter().any(|inode| inode == fields[9]) && state.is_none_or(|state| fields[3] == state) {
+                found.push(parse_address(fields[1]));
             }
         }
     }
     found
 }
 
-/// An address as `/proc/net` writes it: four bytes in the order of the machine, or sixteen, which are never wanted here.
-fn address(field: &str) -> String {
+/// Parses an address of `/proc/net`. IPv4 addresses are in the byte order of the machine. IPv6 addresses, which no test
+/// expects, stay as they are.
+fn parse_address(field: &str) -> String {
     let (host, port) = field.split_once(':').unwrap();
     let port = u16::from_str_radix(port, 16).unwrap();
     match u32::from_str_radix(host, 16) {

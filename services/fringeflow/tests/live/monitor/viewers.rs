@@ -1,4 +1,4 @@
-//! Foxglove, Lichtblick and Rerun connect and see the topics of a recording.
+//! Viewers such as Foxglove, Lichtblick and Rerun connect, and receive the topics of a recording.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,10 @@ use tungstenite::{Message, WebSocket};
 
 use super::*;
 
-/// What every viewer speaks.
+/// WebSocket protocol of the viewers.
 const PROTOCOL: &str = "foxglove.sdk.v1";
 
-/// Connects as a viewer, with an origin if it is a page.
+/// Connects as a viewer. A viewer that runs in a browser has an origin.
 fn connect(address: &str, origin: Option<&str>) -> Result<WebSocket<TcpStream>, tungstenite::http::StatusCode> {
     let mut request = format!("ws://{address}/").into_client_request().unwrap();
     request.headers_mut().insert("sec-websocket-protocol", HeaderValue::from_static(PROTOCOL));
@@ -21,7 +21,7 @@ fn connect(address: &str, origin: Option<&str>) -> Result<WebSocket<TcpStream>, 
         request.headers_mut().insert("origin", origin.parse().unwrap());
     }
     let stream = TcpStream::connect(address).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     match tungstenite::client(request, stream) {
         Ok((socket, _)) => Ok(socket),
         Err(tungstenite::HandshakeError::Failure(tungstenite::Error::Http(response))) => Err(response.status()),
@@ -29,8 +29,8 @@ fn connect(address: &str, origin: Option<&str>) -> Result<WebSocket<TcpStream>, 
     }
 }
 
-/// Address of the viewers' server, from the greeting of the page.
-fn viewers_address(watched: &Watched<'_>) -> String {
+/// Returns the address of the server for viewers, from the first message of the page.
+fn viewer_address(watched: &Watched<'_>) -> String {
     let stream = watched.connect();
     let (mut page, _) = tungstenite::client(format!("ws://{}/live", watched.address), stream).unwrap();
     let hello: Value = serde_json::from_str(page.read().unwrap().to_text().unwrap()).unwrap();
@@ -38,10 +38,10 @@ fn viewers_address(watched: &Watched<'_>) -> String {
 }
 
 #[test]
-fn viewers_see_images_clouds_transforms_calibration_events_and_figures() {
-    let bench = bench("");
+fn viewers_receive_images_clouds_transforms_calibration_reports_and_log() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
-    let mut viewer = connect(&viewers_address(&watched), None).unwrap();
+    let mut viewer = connect(&viewer_address(&watched), None).unwrap();
     let mut topics = BTreeMap::new();
     while topics.is_empty() {
         let Message::Text(text) = viewer.read().unwrap() else { continue };
@@ -57,48 +57,48 @@ fn viewers_see_images_clouds_transforms_calibration_events_and_figures() {
         (0..).zip(wanted).map(|(id, topic)| serde_json::json!({"id": id, "channelId": topics[topic]})).collect();
     let subscribe = serde_json::json!({"op": "subscribe", "subscriptions": subscriptions});
     viewer.send(Message::text(subscribe.to_string())).unwrap();
-    // An event, so that the log has something to say.
+    // Causes an event, so that the log has a message.
     assert_eq!(watched.control(&serde_json::json!({"command": "record"})).status, 200);
-    let mut came: BTreeMap<&str, Vec<u8>> = BTreeMap::new();
-    while came.len() < wanted.len() {
+    let mut received: BTreeMap<&str, Vec<u8>> = BTreeMap::new();
+    while received.len() < wanted.len() {
         let Message::Binary(bytes) = viewer.read().unwrap() else { continue };
         // Operation, subscription, time, payload.
         if bytes[0] == 1 {
             let subscription = u32::from_le_bytes(bytes[1..5].try_into().unwrap());
-            came.insert(wanted[subscription as usize], bytes[13..].to_vec());
+            received.insert(wanted[subscription as usize], bytes[13..].to_vec());
         }
     }
-    let image = RawImage::decode(came["/cam1/frame"].as_slice()).unwrap();
+    let image = RawImage::decode(received["/cam1/frame"].as_slice()).unwrap();
     assert_eq!((image.width, image.height, image.data.len()), (96, 80, 96 * 80));
-    assert!(PointCloud::decode(came["/cloud"].as_slice()).unwrap().data.len() > 1000);
-    assert_eq!(FrameTransforms::decode(came["/tf"].as_slice()).unwrap().transforms.len(), 3);
-    assert_eq!(CameraCalibration::decode(came["/cam1/calibration"].as_slice()).unwrap().width, 96);
-    assert!(!Log::decode(came["/log"].as_slice()).unwrap().message.is_empty());
+    assert!(PointCloud::decode(received["/cloud"].as_slice()).unwrap().data.len() > 1000);
+    assert_eq!(FrameTransforms::decode(received["/tf"].as_slice()).unwrap().transforms.len(), 3);
+    assert_eq!(CameraCalibration::decode(received["/cam1/calibration"].as_slice()).unwrap().width, 96);
+    assert!(!Log::decode(received["/log"].as_slice()).unwrap().message.is_empty());
     watched.live.quit().assert_balanced();
     bench.assert_nothing_left();
 }
 
 #[test]
-fn viewers_of_unknown_origin_and_nonsense_are_refused() {
-    let bench = bench("");
+fn viewers_from_unknown_origins_and_malformed_requests_are_refused() {
+    let bench = monitor_bench("");
     let watched = Watched::start(&bench, &[]);
-    let address = viewers_address(&watched);
+    let address = viewer_address(&watched);
     for known in [None, Some("https://app.foxglove.dev"), Some("file://"), Some("http://localhost:8080")] {
         assert!(connect(&address, known).is_ok(), "{known:?}");
     }
     assert_eq!(connect(&address, Some("https://evil.example")).unwrap_err(), 403);
     let send = |bytes: &[u8]| {
         let mut stream = TcpStream::connect(&address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         let _ = stream.write_all(bytes);
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
-        Answer::of(&answer).status
+        Answer::parse(&answer).status
     };
     assert_eq!(send(b"GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n"), 421);
     assert_eq!(send(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n"), 400);
     assert_eq!(send(&[b"GET / HTTP/1.1\r\nX: ".as_slice(), &[b'x'; 100_000]].concat()), 400);
-    // More than there is room for, all silent.
+    // More connections than the server accepts, all silent.
     let held: Vec<_> = (0..40).map(|_| TcpStream::connect(&address).unwrap()).collect();
     drop(held);
     watched.live.wait_until("viewers are let in again", || connect(&address, None).is_ok());

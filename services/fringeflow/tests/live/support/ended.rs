@@ -1,4 +1,4 @@
-//! What came of a run: exit code, summary, log.
+//! The result of a run: exit code, summary and log.
 
 use std::collections::BTreeMap;
 
@@ -6,16 +6,16 @@ use serde_json::Value;
 
 use fringeflow_message::DropReason;
 
-/// A run that has ended.
+/// The result of a run that has ended.
 #[derive(Debug)]
-pub(crate) struct Ended {
+pub(crate) struct FinishedRun {
     pub(crate) code: Option<i32>,
     pub(crate) summary: Value,
     pub(crate) log: String,
     stages: BTreeMap<String, StageCounts>,
 }
 
-/// What a stage says in the summary.
+/// Counts of a stage in the summary.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct StageCounts {
     pub(crate) taken: u64,
@@ -24,14 +24,14 @@ pub(crate) struct StageCounts {
 }
 
 impl StageCounts {
-    /// Items dropped for a reason.
+    /// Returns the number of items that were dropped for a reason.
     pub(crate) fn dropped(&self, reason: DropReason) -> u64 {
         self.dropped.get(reason.name()).copied().unwrap_or(0)
     }
 }
 
-impl Ended {
-    /// Of an exit code, the JSON that was printed, and the log.
+impl FinishedRun {
+    /// Parses the JSON summary.
     pub(crate) fn new(code: Option<i32>, summary: &str, log: String) -> Self {
         let summary: Value = serde_json::from_str(summary).unwrap_or_else(|e| panic!("no summary ({e}): {log}"));
         let number = |value: &Value| value.as_u64().unwrap();
@@ -45,12 +45,12 @@ impl Ended {
         Self { code, summary, log, stages }
     }
 
-    /// The counts of a stage.
+    /// Returns the counts of a stage, which must be in the summary.
     pub(crate) fn stage(&self, name: &str) -> &StageCounts {
-        self.stages.get(name).unwrap_or_else(|| panic!("{name} is missing: {self:?}"))
+        self.stages.get(name).unwrap_or_else(|| panic!("stage {name} is missing: {self:?}"))
     }
 
-    /// Asserts that nothing is unaccounted for, in the words of the summary and by its numbers.
+    /// Asserts that the counts add up: the summary reports no imbalance, and its numbers show none.
     pub(crate) fn assert_balanced(&self) {
         assert_eq!(self.summary["imbalances"], serde_json::json!([]), "{self:?}");
         for (name, stage) in &self.stages {
@@ -59,7 +59,7 @@ impl Ended {
         }
         let passed = |name: &str| self.stages.get(name).map(|stage| stage.passed);
         let images = passed("camera1").zip(passed("camera2")).map(|(first, second)| first + second);
-        let arrows = [
+        let connections = [
             (passed("projector"), "pattern"),
             (images, "pairing"),
             (passed("pairing").map(|images| images / 2), "windowing"),
@@ -68,13 +68,13 @@ impl Ended {
             (passed("correspondence"), "cloud"),
             (passed("cloud"), "tracking"),
         ];
-        for (sent, to) in arrows.into_iter().filter(|(_, to)| self.stages.contains_key(*to)) {
+        for (sent, to) in connections.into_iter().filter(|(_, to)| self.stages.contains_key(*to)) {
             assert!(sent.is_none_or(|sent| sent == self.stage(to).taken), "{sent:?} were sent to {to}: {self:?}");
         }
     }
 
-    /// Asserts the exit code of a run that nothing disturbed: 3 if the summary tells of losses, which a busy machine may
-    /// cause, else 0.
+    /// Asserts that a run is balanced, had no restarts, and ended with the right exit code. It is 3 if the summary has
+    /// losses, which a busy machine may cause, else 0.
     pub(crate) fn assert_undisturbed(&self) {
         self.assert_balanced();
         assert_eq!(self.summary["restarts"], 0, "{self:?}");

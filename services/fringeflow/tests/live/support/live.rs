@@ -9,12 +9,12 @@ use rustix::process::{Pid, Signal, kill_process};
 use fringeflow_message::{Command, ControlRequest, Stage};
 use fringeflow_transport::request;
 
-use super::{Arguments, Bench, Ended, NAME, wait};
+use super::{Arguments, Bench, FinishedRun, NAME, wait_until};
 
-/// Longest wait for an answer; then it is asked again.
-const ANSWER: Duration = Duration::from_secs(1);
+/// Longest wait for an answer; after it the request is repeated.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// An instance that `fringeflow run` holds; killed when it is dropped.
+/// An instance that is run by `fringeflow run`; killed when dropped.
 pub(crate) struct Live<'a> {
     bench: &'a Bench,
     child: Child,
@@ -30,58 +30,59 @@ impl<'a> Live<'a> {
         Self { bench, child: command.spawn().unwrap() }
     }
 
-    /// The supervisor's process.
+    /// Returns the process of the supervisor.
     pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
 
-    /// Waits until it is to scan.
+    /// Waits until the instance scans.
     pub(super) fn wait_for_scan(&mut self) {
         let instance = self.bench.instance();
         let asked = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
-        let is_scanning = || request(&instance, &asked, ANSWER).is_ok_and(|response| response.state.scanning != 0);
+        let is_scanning =
+            || request(&instance, &asked, ANSWER_TIMEOUT).is_ok_and(|response| response.state.scanning != 0);
         let child = &mut self.child;
-        assert!(wait(|| child.try_wait().unwrap().is_some() || is_scanning()), "it does not scan");
-        assert!(child.try_wait().unwrap().is_none(), "it has ended");
+        assert!(wait_until(|| child.try_wait().unwrap().is_some() || is_scanning()), "the scan does not start");
+        assert!(child.try_wait().unwrap().is_none(), "the instance has ended");
     }
 
-    /// Waits until something is so.
-    pub(crate) fn wait_until(&self, what: &str, is: impl FnMut() -> bool) {
-        assert!(wait(is), "it never is that {what}");
+    /// Waits until a condition holds. `what` names it in the failure message.
+    pub(crate) fn wait_until(&self, what: &str, condition: impl FnMut() -> bool) {
+        assert!(wait_until(condition), "timed out while waiting until {what}");
     }
 
-    /// Waits for so many more clouds.
+    /// Waits for this number of further clouds.
     pub(crate) fn wait_for_clouds(&self, more: u64) {
-        let enough = self.bench.counts(Stage::Cloud).passed + more;
-        self.wait_until("there are more clouds", || self.bench.counts(Stage::Cloud).passed >= enough);
+        let target = self.bench.counts(Stage::Cloud).passed + more;
+        self.wait_until("there are more clouds", || self.bench.counts(Stage::Cloud).passed >= target);
     }
 
-    /// Sends a signal to a service, whose process is returned.
+    /// Sends a signal to the process of a service. Returns the process.
     pub(crate) fn signal(&self, service: &str, signal: Signal) -> u32 {
         let pid = self.bench.pid_of(service).unwrap();
         send(pid, signal);
         pid
     }
 
-    /// Asks it to end by `control`, and waits.
-    pub(crate) fn quit(self) -> Ended {
-        self.bench.done(&[0], &[&"control", &NAME, &"quit"]);
-        self.ended()
+    /// Stops the instance by `fringeflow control`, and waits for its end.
+    pub(crate) fn quit(self) -> FinishedRun {
+        self.bench.execute(&[0], &[&"control", &NAME, &"quit"]);
+        self.wait_for_end()
     }
 
-    /// Kills the supervisor, and nobody else.
-    pub(crate) fn kill(mut self) {
+    /// Kills the supervisor alone.
+    pub(crate) fn kill_supervisor(mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
-    /// Waits for the end.
-    pub(crate) fn ended(mut self) -> Ended {
-        let has_ended = wait(|| self.child.try_wait().unwrap().is_some());
-        assert!(has_ended, "it does not end");
+    /// Waits until the instance has ended.
+    pub(crate) fn wait_for_end(mut self) -> FinishedRun {
+        let has_ended = wait_until(|| self.child.try_wait().unwrap().is_some());
+        assert!(has_ended, "the instance does not end");
         let read = |name| std::fs::read_to_string(self.bench.path(name)).unwrap();
         let code = self.child.wait().unwrap().code();
-        Ended::new(code, &read("summary.json"), read("log.txt"))
+        FinishedRun::new(code, &read("summary.json"), read("log.txt"))
     }
 }
 
@@ -90,7 +91,7 @@ impl Drop for Live<'_> {
         if std::thread::panicking() {
             eprintln!("{}", std::fs::read_to_string(self.bench.path("log.txt")).unwrap_or_default());
         }
-        // It may have ended; its services end with it.
+        // Errors are ignored: it may have ended already. Its services end with it.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

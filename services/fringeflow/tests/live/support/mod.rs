@@ -1,4 +1,4 @@
-//! An instance in folders of its own: its configuration, the commands that a user gives, and what comes of them.
+//! A test bench for one instance: its folders and configuration, the commands of a user, and their results.
 
 mod ended;
 mod live;
@@ -15,17 +15,18 @@ use fringeflow_message::{Counts, Stage};
 use fringeflow_runtime::{Account, accounts_folder};
 use fringeflow_transport::Instance;
 
-pub(crate) use ended::Ended;
+pub(crate) use ended::FinishedRun;
 pub(crate) use live::{Live, send};
 
-/// Name of every instance; the folders tell them apart.
+/// Name of every instance. Each has its own runtime folder, so equal names do not clash.
 pub(crate) const NAME: &str = "t";
 
-/// Only there against hanging.
-const HANG: Duration = Duration::from_secs(60);
-const PAUSE: Duration = Duration::from_millis(10);
+/// Fails a test that hangs.
+const TIMEOUT: Duration = Duration::from_secs(60);
+/// Pause between two looks at a condition.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// A plane before fringes wide enough for so few pixels.
+/// The object is a plane. The fringes are wide enough for so few pixels.
 const CONFIGURATION: &str = r#"
 [instance]
 name = "t"
@@ -57,41 +58,42 @@ min_free_mb = 0
 enabled = false
 "#;
 
-/// The services of the instance, in the order of the pipeline.
+/// The services of the instance, in pipeline order.
 pub(crate) const SERVICES: [&str; 8] =
     ["virtual-projector", "virtual-cameras", "phase", "correspondence", "cloud", "tracking", "recorder", "monitor"];
 
 /// Arguments of a command.
 pub(crate) type Arguments<'a> = &'a [&'a dyn AsRef<OsStr>];
 
-/// Folders and configuration of one instance.
+/// Folders and configuration of one instance, and the commands on it.
 pub(crate) struct Bench {
     folder: TempDir,
 }
 
 impl Bench {
+    /// Creates a bench with the standard configuration.
     pub(crate) fn new() -> Self {
-        Self::with(&[])
+        Self::with_changes(&[])
     }
 
-    /// With parts of the configuration replaced.
-    pub(crate) fn with(changes: &[(&str, &str)]) -> Self {
+    /// Creates a bench with changes to the standard configuration: pairs of a text and its replacement.
+    pub(crate) fn with_changes(changes: &[(&str, &str)]) -> Self {
         let change = |text: String, (from, to): &(&str, &str)| {
             assert!(text.contains(from), "{from}");
             text.replace(from, to)
         };
-        Self::of(&changes.iter().fold(CONFIGURATION.to_owned(), change))
+        Self::from_configuration(&changes.iter().fold(CONFIGURATION.to_owned(), change))
     }
 
-    /// With this configuration, of an instance called [`NAME`].
-    pub(crate) fn of(configuration: &str) -> Self {
-        // Sockets have short names.
+    /// Creates a bench with this configuration. It must name the instance [`NAME`].
+    pub(crate) fn from_configuration(configuration: &str) -> Self {
+        // Paths of sockets must be short.
         let folder = tempfile::Builder::new().prefix("ff").tempdir_in("/tmp").unwrap();
         std::fs::write(folder.path().join("scanner.toml"), configuration).unwrap();
         Self { folder }
     }
 
-    /// A file of this name.
+    /// Returns the path of a file in the folder of the bench.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -119,65 +121,65 @@ impl Bench {
         self.command(arguments).output().unwrap()
     }
 
-    /// A command that must end with one of these exit codes; its standard output.
-    pub(crate) fn done(&self, codes: &[i32], arguments: Arguments<'_>) -> String {
+    /// Runs a command, which must end with one of these exit codes. Returns its standard output.
+    pub(crate) fn execute(&self, codes: &[i32], arguments: Arguments<'_>) -> String {
         let output = self.fringeflow(arguments);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{}: {said}", output.status);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{}: {errors}", output.status);
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// [`Self::done`] of a command that prints JSON.
+    /// Runs a command as [`Self::execute`] does, and parses the JSON that it prints.
     pub(crate) fn json(&self, codes: &[i32], arguments: Arguments<'_>) -> Value {
-        serde_json::from_str(&self.done(codes, arguments)).unwrap()
+        serde_json::from_str(&self.execute(codes, arguments)).unwrap()
     }
 
-    /// A command that must be refused: with exit code 2, and a message on standard error that holds all of `says`.
-    pub(crate) fn refused(&self, arguments: Arguments<'_>, says: &[&str]) {
-        self.refused_with(2, arguments, says);
+    /// Asserts that a command is refused: with exit code 2, and a message on standard error that has all parts `says`.
+    pub(crate) fn assert_refused(&self, arguments: Arguments<'_>, says: &[&str]) {
+        self.assert_refused_with(2, arguments, says);
     }
 
-    /// [`Self::refused`] with another exit code.
-    pub(crate) fn refused_with(&self, code: i32, arguments: Arguments<'_>, says: &[&str]) {
+    /// [`Self::assert_refused`] with another exit code.
+    pub(crate) fn assert_refused_with(&self, code: i32, arguments: Arguments<'_>, says: &[&str]) {
         let output = self.fringeflow(arguments);
         let error = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{error}");
         assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
-        // Log lines may stand before it.
+        // Log lines may precede the message.
         let message = error.find("fringeflow: ").map_or("", |start| &error[start..]);
         for part in says {
             assert!(message.contains(part), "{part:?} is missing in: {error}");
         }
     }
 
-    /// Starts `fringeflow run`, and waits until it scans.
+    /// Starts `fringeflow run`, and waits until the instance scans.
     pub(crate) fn start(&self, arguments: Arguments<'_>) -> Live<'_> {
         let mut live = Live::spawn(self, arguments);
         live.wait_for_scan();
         live
     }
 
-    /// `fringeflow replay` over the channels of the instance.
-    pub(crate) fn replay(&self, arguments: Arguments<'_>) -> Ended {
+    /// Runs `fringeflow replay` over the channels of the instance.
+    pub(crate) fn replay(&self, arguments: Arguments<'_>) -> FinishedRun {
         let output = self.command(arguments).args([NAME, "--json"]).output().unwrap();
         let [summary, log] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-        Ended::new(output.status.code(), &summary, log)
+        FinishedRun::new(output.status.code(), &summary, log)
     }
 
-    /// `fringeflow run` from beginning to end.
-    pub(crate) fn run(&self, arguments: Arguments<'_>) -> Ended {
-        Live::spawn(self, arguments).ended()
+    /// Runs `fringeflow run` from start to end.
+    pub(crate) fn run(&self, arguments: Arguments<'_>) -> FinishedRun {
+        Live::spawn(self, arguments).wait_for_end()
     }
 
-    /// The account of a stage as it stands.
+    /// Returns the present counts of a stage.
     pub(crate) fn counts(&self, stage: Stage) -> Counts {
-        Account::read(&accounts_folder(&self.instance()), stage).unwrap_or_default()
+        Account::read_counts(&accounts_folder(&self.instance()), stage).unwrap_or_default()
     }
 
-    /// The process of a service, if it runs.
+    /// Returns the process of a service, or `None` if it does not run.
     pub(crate) fn pid_of(&self, service: &str) -> Option<u32> {
         let configuration = self.configuration();
-        let is_it = |line: &[u8]| {
+        let is_service = |line: &[u8]| {
             let arguments: Vec<&[u8]> = line.split(|&byte| byte == 0).collect();
             arguments.windows(2).any(|pair| pair == [b"service".as_slice(), service.as_bytes()])
                 && arguments.contains(&configuration.as_os_str().as_encoded_bytes())
@@ -185,12 +187,12 @@ impl Bench {
         let processes = std::fs::read_dir("/proc").unwrap().flatten();
         let found = processes.filter_map(|entry| {
             let pid = entry.file_name().to_str()?.parse().ok()?;
-            is_it(&std::fs::read(entry.path().join("cmdline")).ok()?).then_some(pid)
+            is_service(&std::fs::read(entry.path().join("cmdline")).ok()?).then_some(pid)
         });
         found.max()
     }
 
-    /// Asserts that nothing of any instance is left: no file in the runtime folder, no shared memory, no process.
+    /// Asserts that nothing of an instance is left: no file in the runtime folder, no shared memory, no process.
     pub(crate) fn assert_nothing_left(&self) {
         let entries = |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten();
         let left: Vec<_> = entries(self.runtime_dir()).map(|entry| entry.file_name()).collect();
@@ -205,14 +207,14 @@ impl Bench {
     }
 }
 
-/// Waits until something is so; `false` if it never is.
-pub(crate) fn wait(mut is: impl FnMut() -> bool) -> bool {
+/// Waits until a condition holds. Returns `false` after a timeout.
+pub(crate) fn wait_until(mut condition: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
-    while !is() {
-        if start.elapsed() > HANG {
+    while !condition() {
+        if start.elapsed() > TIMEOUT {
             return false;
         }
-        std::thread::sleep(PAUSE);
+        std::thread::sleep(POLL_INTERVAL);
     }
     true
 }

@@ -1,16 +1,18 @@
-//! What a sweep turns, and the series of its values: three knobs that rule the expected false candidates, and two that leave
-//! them as they are, the board apart from the volume and the number of steps.
+//! The knobs of a sweep: the parameters that it varies, and their values.
+//!
+//! Three knobs change the expected false candidates (efc). Two do not: a board outside the volume, and the number of
+//! steps.
 
 use serde::Serialize;
 
 use fringeflow_lab::simulation::{Board, BoardApart, Object, RigOptions, SimulationOptions};
 
-use crate::commands::evaluate::measurement::options;
+use crate::commands::evaluate::measurement::paper_options;
 
-/// Phase shifts of the series that turn something else.
+/// Number of phase steps in the series of the other knobs.
 const STEPS: usize = 4;
 
-/// What is turned.
+/// A parameter that a series varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Knob {
@@ -26,40 +28,41 @@ pub(crate) enum Knob {
     Steps,
 }
 
-/// A place in one of the series: what the rig is like there.
+/// A point of a series: the parameters of its scenes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct SeriesPoint {
     pub(super) knob: Knob,
-    /// Depth of the volume; `None` for the one that the object is made for.
+    /// Depth of the volume; `None` for the default depth of the object.
     depth_mm: Option<f64>,
     sd_rad: f64,
     period_px: f64,
-    /// Distance of the board; `None` for what the object usually lies on.
+    /// Distance of the board; `None` for the default board of the object.
     board_mm: Option<f64>,
     steps: usize,
 }
 
-/// Depths that lead to an efc of about 0.1, 0.2, 0.5, 1 and 2 with the period beside them, millimetres.
+/// Depths with an efc of about 0.1, 0.2, 0.5, 1 and 2 at the period below, millimetres.
 const DEPTHS_MM: [f64; 5] = [25.0, 40.0, 90.0, 168.0, 285.0];
 const DEPTH_SERIES_PERIOD_PX: f64 = 24.0;
-/// Errors that lead there with the depth and period beside them, rad.
+/// Calibration errors with the same efc at the depth (mm) and period (px) below, rad.
 const SDS_RAD: [f64; 5] = [0.01, 0.02, 0.05, 0.1, 0.2];
 const SD_SERIES: (f64, f64) = (50.0, 16.0);
-/// Periods that lead there with the depth beside them, projector pixels.
+/// Periods with the same efc at the depth below, projector pixels.
 const PERIODS_PX: [f64; 5] = [128.0, 64.0, 32.0, 16.0, 8.0];
 const PERIOD_SERIES_DEPTH_MM: f64 = 118.0;
-/// Distances of the board beyond the far face of the usual volume, and before its near face, millimetres.
+/// Distances of the board, millimetres: above 0 behind the far face of the default volume, below 0 before its near
+/// face.
 const BOARDS_MM: [f64; 11] = [-30.0, -15.0, -5.0, 5.0, 15.0, 40.0, 85.0, 150.0, 400.0, 700.0, 1000.0];
-/// What the board of that series is like: grey cardboard, slightly askew.
+/// The board of that series: grey cardboard, slightly tilted.
 const BOARD: BoardApart = BoardApart { distance_mm: 0.0, albedo: 0.3, tilt_deg: 5.0 };
-/// All numbers of steps there are.
+/// All supported numbers of steps.
 const ALL_STEPS: [usize; 14] = [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16];
-/// Error of the series that turn something else.
+/// Calibration error in the series of the other knobs.
 const SD_RAD: f64 = RigOptions::usual(0.0).sd_rad;
 
-/// All places of a series.
-pub(super) fn places(knob: Knob) -> Vec<Place> {
-    let usual = Place {
+/// All points of the series of a knob.
+pub(super) fn series(knob: Knob) -> Vec<SeriesPoint> {
+    let base = SeriesPoint {
         knob,
         depth_mm: None,
         sd_rad: SD_RAD,
@@ -69,25 +72,25 @@ pub(super) fn places(knob: Knob) -> Vec<Place> {
     };
     match knob {
         Knob::Depth => {
-            let usual = Place { period_px: DEPTH_SERIES_PERIOD_PX, ..usual };
-            DEPTHS_MM.map(|depth_mm| Place { depth_mm: Some(depth_mm), ..usual }).into()
+            let base = SeriesPoint { period_px: DEPTH_SERIES_PERIOD_PX, ..base };
+            DEPTHS_MM.map(|depth_mm| SeriesPoint { depth_mm: Some(depth_mm), ..base }).into()
         }
         Knob::Sd => {
             let (depth_mm, period_px) = SD_SERIES;
-            SDS_RAD.map(|sd_rad| Place { depth_mm: Some(depth_mm), period_px, sd_rad, ..usual }).into()
+            SDS_RAD.map(|sd_rad| SeriesPoint { depth_mm: Some(depth_mm), period_px, sd_rad, ..base }).into()
         }
         Knob::Period => {
-            PERIODS_PX.map(|period_px| Place { depth_mm: Some(PERIOD_SERIES_DEPTH_MM), period_px, ..usual }).into()
+            PERIODS_PX.map(|period_px| SeriesPoint { depth_mm: Some(PERIOD_SERIES_DEPTH_MM), period_px, ..base }).into()
         }
-        Knob::Board => BOARDS_MM.map(|distance_mm| Place { board_mm: Some(distance_mm), ..usual }).into(),
-        Knob::Steps => ALL_STEPS.map(|steps| Place { steps, ..usual }).into(),
+        Knob::Board => BOARDS_MM.map(|distance_mm| SeriesPoint { board_mm: Some(distance_mm), ..base }).into(),
+        Knob::Steps => ALL_STEPS.map(|steps| SeriesPoint { steps, ..base }).into(),
     }
 }
 
 impl Knob {
     pub(crate) const ALL: [Self; 5] = [Self::Depth, Self::Sd, Self::Period, Self::Board, Self::Steps];
-    /// Those that rule the expected false candidates.
-    pub(super) const OF_EFC: [Self; 3] = [Self::Depth, Self::Sd, Self::Period];
+    /// The knobs that change the expected false candidates.
+    pub(super) const EFC_KNOBS: [Self; 3] = [Self::Depth, Self::Sd, Self::Period];
 
     /// Name in the table.
     pub(super) fn name(self) -> &'static str {
@@ -100,7 +103,7 @@ impl Knob {
         }
     }
 
-    /// What it is, with its unit.
+    /// Title, with the unit.
     pub(super) fn title(self) -> &'static str {
         match self {
             Self::Depth => "depth of the volume, mm",
@@ -112,8 +115,8 @@ impl Knob {
     }
 }
 
-impl Place {
-    /// The value of the knob that is turned.
+impl SeriesPoint {
+    /// Value of the knob.
     pub(super) fn value(&self) -> f64 {
         match self.knob {
             Knob::Depth => self.depth_mm.unwrap_or_default(),
@@ -124,16 +127,16 @@ impl Place {
         }
     }
 
-    /// The scene with an object; `None` where the volume is shallower than it.
+    /// Simulation options for an object; `None` if the volume is shallower than the object.
     pub(super) fn options(&self, object: Object) -> Option<SimulationOptions> {
-        let usual = options(object, self.steps);
+        let base = paper_options(object, self.steps);
         let depth_m = self.depth_mm.map_or(object.usual_depth_m(), |mm| mm * 1e-3);
         let board = self.board_mm.map(|distance_mm| Board::Apart(BoardApart { distance_mm, ..BOARD }));
-        let rig = RigOptions { depth_m, sd_rad: self.sd_rad, period_px: self.period_px, ..usual.rig };
+        let rig = RigOptions { depth_m, sd_rad: self.sd_rad, period_px: self.period_px, ..base.rig };
         (depth_m >= object.usual_depth_m()).then_some(SimulationOptions {
             rig,
-            board: board.unwrap_or(usual.board),
-            ..usual
+            board: board.unwrap_or(base.board),
+            ..base
         })
     }
 }
@@ -148,9 +151,9 @@ mod tests {
 
     #[test]
     fn every_series_goes_from_few_false_candidates_to_two_a_pixel() {
-        for knob in Knob::OF_EFC {
-            let efc = places(knob).into_iter().map(|place| {
-                let rig = VirtualRig::new(&place.options(Object::Elephant).unwrap().rig).unwrap();
+        for knob in Knob::EFC_KNOBS {
+            let efc = series(knob).into_iter().map(|point| {
+                let rig = VirtualRig::new(&point.options(Object::Elephant).unwrap().rig).unwrap();
                 3.0 * rig.deviation.delta_rms * (rig.mean_periods() - 1.0) / PI
             });
             for (efc, wanted) in efc.zip([0.1, 0.2, 0.5, 1.0, 2.0]) {
@@ -161,20 +164,20 @@ mod tests {
 
     #[test]
     fn no_volume_is_shallower_than_its_object() {
-        let measured = |knob| places(knob).into_iter().filter(|place| place.options(Object::Nose).is_some()).count();
+        let measured = |knob| series(knob).into_iter().filter(|point| point.options(Object::Nose).is_some()).count();
         assert_eq!(Knob::ALL.map(measured), [3, 5, 5, BOARDS_MM.len(), ALL_STEPS.len()]);
     }
 
     #[test]
     fn boards_go_from_before_the_volume_to_far_behind_it_and_steps_from_three_to_sixteen() {
-        let ends = |knob| places(knob).first().zip(places(knob).last()).map(|(a, b)| (a.value(), b.value()));
+        let ends = |knob| series(knob).first().zip(series(knob).last()).map(|(a, b)| (a.value(), b.value()));
         assert_eq!(ends(Knob::Board), Some((-30.0, 1000.0)));
         assert_eq!(ends(Knob::Steps), Some((3.0, 16.0)));
-        for place in places(Knob::Board) {
-            let Some(Board::Apart(board)) = place.options(Object::Tooth).map(|options| options.board) else {
-                panic!("{place:?}")
+        for point in series(Knob::Board) {
+            let Some(Board::Apart(board)) = point.options(Object::Tooth).map(|options| options.board) else {
+                panic!("{point:?}")
             };
-            assert_eq!(board.distance_mm, place.value());
+            assert_eq!(board.distance_mm, point.value());
         }
     }
 }

@@ -1,5 +1,5 @@
-//! `fringeflow evaluate --sweep`: how completeness and false correspondences depend on the expected false candidates, on a board
-//! apart from the volume, and on the number of steps.
+//! `fringeflow evaluate --sweep`: measures how completeness and false correspondences depend on the expected false
+//! candidates, on a board outside the volume, and on the number of steps.
 
 mod axis;
 mod knob;
@@ -17,19 +17,19 @@ use fringeflow_base::atomic_file::write_atomically;
 use fringeflow_lab::simulation::{Object, SimulationSummary};
 
 pub(super) use self::knob::Knob;
-use self::knob::Place;
-use super::measurement::{Measurement, Simulated};
+use self::knob::SeriesPoint;
+use super::measurement::{Measurement, SimulatedDataset};
 use crate::failure::Failure;
 use crate::progress;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
 
-/// The ways to resolve ambiguities that are compared: their names and settings.
+/// Names and options of the resolution methods that are compared.
 fn resolutions() -> [(&'static str, ProposedArgs); 2] {
     ResolutionMethod::ALL.map(|method| (method.name(), ProposedArgs::with_resolution(method)))
 }
 
-/// One measurement, or why there is none.
+/// A measurement, or the reason why it failed.
 #[derive(Clone, Serialize)]
 struct Row {
     knob: Knob,
@@ -44,21 +44,21 @@ struct Row {
     failure: Option<String>,
 }
 
-/// What the rig lets expect.
+/// Figures of the simulated rig.
 #[derive(Clone, Copy, Serialize)]
 struct RigFigures {
     /// Mean number of periods on a segment.
     mean_periods: f64,
     /// Standard deviation of δ that the calibration error causes, rad.
     sd_rad: f64,
-    /// Expected false candidates by Eq. (1), from these two.
+    /// Expected false candidates by Eq. (1), from the two above.
     efc: f64,
 }
 
-/// What a reconstruction yielded.
+/// Figures of a reconstruction.
 #[derive(Clone, Copy, Serialize)]
 struct Figures {
-    /// By Eq. (1) from the sd that the reconstruction measured, noise included.
+    /// efc by Eq. (1) from the measured sd, which includes noise.
     efc_predicted: f64,
     efc_measured: f64,
     com_percent: f64,
@@ -67,31 +67,30 @@ struct Figures {
     fpc_percent: f64,
     outliers_percent: Option<f64>,
     points: u64,
-    /// Of the whole reconstruction, segment table and reading the images included.
+    /// Duration of the reconstruction, including the segment table and the reading of the images.
     reconstruction_ms: f64,
-    /// What the reconstruction warns of.
     warning: Option<Warning>,
 }
 
-/// What a reconstruction warns of: calibration and images may not belong together.
+/// Warning of a reconstruction: calibration and images may not belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Warning {
     /// δ scatters more widely than on calibrated rigs.
     Spread,
-    /// The drift of the calibration is beyond its limit.
+    /// The drift of the calibration exceeds its limit.
     Drift,
 }
 
-/// Measures every object at every place of the series of these knobs, and writes the table and the plot.
+/// Measures every object at every point of the series of these knobs. Writes the table and the plot.
 pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool) -> Result<(), Failure> {
-    let places: Vec<Place> = knobs.iter().flat_map(|&knob| knob::places(knob)).collect();
-    let bar = progress::bar("scenes", (places.len() * objects.len()) as u64);
+    let points: Vec<SeriesPoint> = knobs.iter().flat_map(|&knob| knob::series(knob)).collect();
+    let bar = progress::bar("scenes", (points.len() * objects.len()) as u64);
     let mut rows = Vec::new();
     for &object in objects {
-        for place in &places {
+        for point in &points {
             bar.set_message(object.name());
-            rows.extend(measure(object, place));
+            rows.extend(measure(object, point));
             bar.inc(1);
         }
     }
@@ -102,7 +101,7 @@ pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool)
     failures(&rows).map_or(Ok(()), Err)
 }
 
-/// The measurements that failed, a line each with the reason; `None` if all succeeded.
+/// The error that lists the failed measurements with their reasons; `None` if all succeeded.
 fn failures(rows: &[Row]) -> Option<Failure> {
     let line = |row: &Row| {
         let Row { object, value, resolution, .. } = row;
@@ -112,27 +111,27 @@ fn failures(rows: &[Row]) -> Option<Failure> {
     let text = format!("{} of {} measurements failed:\n{}", lines.len(), rows.len(), lines.join("\n"));
     match lines.len() {
         0 => None,
-        failed if failed == rows.len() => Some(Failure::Unmeasured(text)),
+        failed if failed == rows.len() => Some(Failure::NothingMeasured(text)),
         _ => Some(Failure::Losses(text)),
     }
 }
 
-/// The rows of one scene, one a resolution; none where the volume is shallower than the object.
-fn measure(object: Object, place: &Place) -> Vec<Row> {
-    let Some(options) = place.options(object) else { return Vec::new() };
-    let simulated = Simulated::new(options);
+/// Measures a scene with every resolution, one row each. Returns no rows if the volume is shallower than the object.
+fn measure(object: Object, point: &SeriesPoint) -> Vec<Row> {
+    let Some(options) = point.options(object) else { return Vec::new() };
+    let simulated = SimulatedDataset::new(options);
     let row = |(resolution, proposed): (&'static str, ProposedArgs)| {
         let measured = match &simulated {
-            Ok(simulated) => simulated.measure(&proposed).map_err(|e| simulated.reason(&e)),
+            Ok(simulated) => simulated.measure(&proposed).map_err(|e| simulated.failure_text(&e)),
             Err(e) => Err(e.to_string()),
         };
         Row {
-            knob: place.knob,
-            value: place.value(),
+            knob: point.knob,
+            value: point.value(),
             object: object.name(),
             resolution,
-            rig: simulated.as_ref().ok().map(|s| RigFigures::of(&s.summary)),
-            figures: measured.as_ref().ok().map(Figures::of),
+            rig: simulated.as_ref().ok().map(|s| RigFigures::from_summary(&s.summary)),
+            figures: measured.as_ref().ok().map(Figures::from_measurement),
             failure: measured.err(),
         }
     };
@@ -140,7 +139,7 @@ fn measure(object: Object, place: &Place) -> Vec<Row> {
 }
 
 impl RigFigures {
-    fn of(summary: &SimulationSummary) -> Self {
+    fn from_summary(summary: &SimulationSummary) -> Self {
         Self {
             mean_periods: summary.mean_periods,
             sd_rad: summary.calibration_error.delta_rms,
@@ -150,8 +149,7 @@ impl RigFigures {
 }
 
 impl Figures {
-    fn of(measured: &Measurement) -> Self {
-        let Measurement { scores, statistics, duration } = measured;
+    fn from_measurement(Measurement { scores, statistics, duration }: &Measurement) -> Self {
         Self {
             efc_predicted: statistics.efc_predicted,
             efc_measured: statistics.efc_measured,
@@ -162,14 +160,14 @@ impl Figures {
             outliers_percent: scores.outliers_percent,
             points: scores.points,
             reconstruction_ms: duration.as_secs_f64() * 1e3,
-            warning: Warning::of(statistics),
+            warning: Warning::from_statistics(statistics),
         }
     }
 }
 
 impl Warning {
-    /// The graver one of a reconstruction.
-    fn of(statistics: &Statistics) -> Option<Self> {
+    /// The more serious warning of a reconstruction; `None` if it has none.
+    fn from_statistics(statistics: &Statistics) -> Option<Self> {
         let is_beyond = statistics.drift.as_ref().is_some_and(|drift| drift.beyond_limit);
         let drift = is_beyond.then_some(Self::Drift);
         if statistics.delta_suspicious { Some(Self::Spread) } else { drift }
@@ -194,9 +192,9 @@ fn print(folder: &Path, rows: &[Row], json: bool) -> Result<(), Failure> {
     Ok(writeln!(out, "{}: sweep.csv and sweep.svg of {} measurements", folder.display(), rows.len())?)
 }
 
-/// Made-up rows for tests.
+/// A row for tests.
 #[cfg(test)]
-fn made_up(knob: Knob, object: &'static str, efc: f64, fpc_percent: f64) -> Row {
+fn test_row(knob: Knob, object: &'static str, efc: f64, fpc_percent: f64) -> Row {
     Row {
         knob,
         value: 25.0,
@@ -224,14 +222,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn failures_are_listed_and_losses_unless_nothing_was_measured() {
-        let measured = made_up(Knob::Depth, "nose", 0.2, 0.0);
+    fn failures_are_listed_and_count_as_losses_unless_all_failed() {
+        let measured = test_row(Knob::Depth, "nose", 0.2, 0.0);
         let failed = Row { figures: None, failure: Some("no δ".to_owned()), ..measured };
         let rows = [measured, failed];
         assert!(failures(&rows[..1]).is_none());
         let some = failures(&rows);
         let Some(Failure::Losses(text)) = some else { panic!("{some:?}") };
         assert_eq!(text, "1 of 2 measurements failed:\n  nose, depth 25, resolution paper: no δ");
-        assert!(matches!(failures(&rows[1..]), Some(Failure::Unmeasured(_))));
+        assert!(matches!(failures(&rows[1..]), Some(Failure::NothingMeasured(_))));
     }
 }

@@ -1,7 +1,7 @@
-//! The plot of a sweep: com and fpc against efc, an SVG file without scripts that is readable on light and dark pages.
+//! The plot of a sweep: com and fpc over efc, as an SVG file without scripts, for light and dark pages.
 //!
-//! A line is one knob and resolution, through the means over the objects; each measurement is a point. What leaves efc as it is,
-//! boards and steps, stands in the table alone.
+//! Each measurement is a point. A line connects the means over the objects, for one knob and resolution. The series
+//! that do not change efc, boards and steps, are only in the table.
 
 use super::axis::Axis;
 use super::{Figures, Knob, Row};
@@ -12,26 +12,26 @@ const EFC: Axis =
     Axis { low: 0.05, high: 4.0, from_px: 70.0, to_px: 640.0, ticks: &[0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0] };
 const LEGEND_X_PX: f64 = 665.0;
 
-/// One of the figures against efc.
+/// A plot of one figure over efc.
 struct Panel {
     title: &'static str,
-    /// What is drawn, percent.
+    /// The plotted value, percent.
     figure: fn(&Figures) -> f64,
-    /// What is written of it.
+    /// Converts a plotted value to the shown number.
     label: fn(f64) -> f64,
     axis: Axis,
 }
 
 const PANELS: [Panel; 2] = [
     Panel {
-        title: "com: found correctly, %; 99.99 or more stand at the top",
-        // What lacks of 100 % is what differs, by orders of magnitude.
+        title: "com: found correctly, %; 99.99 or more at the top",
+        // Results differ by orders of magnitude in their distance from 100 %.
         figure: |f| 100.0 - f.com_percent,
         label: |shortfall| 100.0 - shortfall,
         axis: Axis { low: 0.01, high: 100.0, from_px: 50.0, to_px: 320.0, ticks: &[0.01, 0.1, 1.0, 10.0, 100.0] },
     },
     Panel {
-        title: "fpc: false positives, %; 0.001 or less stand at the bottom",
+        title: "fpc: false positives, %; 0.001 or less at the bottom",
         figure: |f| f.fpc_percent,
         label: |percent| percent,
         axis: Axis {
@@ -43,21 +43,22 @@ const PANELS: [Panel; 2] = [
         },
     },
 ];
-/// What the paper states (efc, fpc in percent), and where in [`PANELS`] it belongs.
+/// Values in the paper: efc, and fpc in percent.
 const PAPER: [(f64, f64); 2] = [(0.2, 0.1), (0.5, 2.0)];
+/// Index of the panel in which they are drawn.
 const PAPER_PANEL: usize = 1;
 
-/// Colours by class, the knobs' in their order; a page that asks for dark gets the second set.
+/// Colours by class: `k0` to `k2` for the knobs in their order. The second set is for dark pages.
 const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:var(--ink)}.title{font-weight:600}\
     svg{--ink:#1b1f24;--page:#fff;--grid:#d8dee4;--k0:#0b62c4;--k1:#b3400a;--k2:#1a7f37}\
     @media(prefers-color-scheme:dark){svg{--ink:#e6edf3;--page:#0d1117;--grid:#30363d;--k0:#6cb6ff;--k1:#ffa657;\
     --k2:#7ee787}}\
     .page{fill:var(--page)}.grid{stroke:var(--grid)}.line{fill:none;stroke-width:2}.paper{fill:var(--ink)}\
     .k0{stroke:var(--k0)}.k1{stroke:var(--k1)}.k2{stroke:var(--k2)}circle{fill:var(--page);stroke-width:1.5}";
-/// How the lines of a resolution are dashed, by its place among the resolutions.
+/// Dash patterns of the lines, by index of the resolution.
 const DASHES: [&str; 4] = ["none", "7 4", "2 3", "9 3 2 3"];
 
-/// The plot.
+/// Draws the plot of all rows.
 pub(super) fn svg(rows: &[Row]) -> String {
     let resolutions = resolutions(rows);
     let panels = PANELS.iter().map(|panel| draw_panel(panel, rows, &resolutions));
@@ -83,7 +84,7 @@ fn resolutions(rows: &[Row]) -> Vec<&'static str> {
 }
 
 fn draw_panel(panel: &Panel, rows: &[Row], resolutions: &[&str]) -> String {
-    let series = resolutions.iter().enumerate().flat_map(|(i, name)| Knob::OF_EFC.map(|knob| (i, *name, knob)));
+    let series = resolutions.iter().enumerate().flat_map(|(i, name)| Knob::EFC_KNOBS.map(|knob| (i, *name, knob)));
     let drawn = series.map(|(i, name, knob)| {
         let rows = rows.iter().filter(|row| row.resolution == name && row.knob == knob);
         draw_series(panel, &rows.collect::<Vec<_>>(), knob, DASHES[i % DASHES.len()])
@@ -91,12 +92,12 @@ fn draw_panel(panel: &Panel, rows: &[Row], resolutions: &[&str]) -> String {
     draw_frame(panel) + &drawn.collect::<String>()
 }
 
-/// Grid, numbers and titles.
+/// Draws grid, numbers and titles of a panel.
 fn draw_frame(panel: &Panel) -> String {
     let (top, bottom) = (panel.axis.from_px.min(panel.axis.to_px), panel.axis.from_px.max(panel.axis.to_px));
     let Axis { from_px: left, to_px: right, .. } = EFC;
     let across = panel.axis.ticks.iter().map(|&tick| {
-        let y = panel.axis.place_px(tick);
+        let y = panel.axis.position_px(tick);
         format!(
             "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
             left - 8.0,
@@ -105,7 +106,7 @@ fn draw_frame(panel: &Panel) -> String {
         )
     });
     let up = EFC.ticks.iter().map(|&tick| {
-        let x = EFC.place_px(tick);
+        let x = EFC.position_px(tick);
         format!(
             "<path class=\"grid\" d=\"M{x:.1} {bottom}V{top}\"/><text x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{tick}</text>\n",
             bottom + 18.0
@@ -122,14 +123,14 @@ fn draw_frame(panel: &Panel) -> String {
     )
 }
 
-/// A measurement of a series: the knob's value, efc and the figure of the panel.
+/// A measurement: the value of the knob, efc and the figure of the panel.
 struct Point {
     value: f64,
     efc: f64,
     figure: f64,
 }
 
-/// The points of a series and the line through their means.
+/// Draws the points of a series and the line through their means.
 fn draw_series(panel: &Panel, rows: &[&Row], knob: Knob, dash: &str) -> String {
     let class = class(knob);
     let (mut points, mut circles) = (Vec::new(), String::new());
@@ -138,8 +139,8 @@ fn draw_series(panel: &Panel, rows: &[&Row], knob: Knob, dash: &str) -> String {
         let point = Point { value: row.value, efc: rig.efc, figure: (panel.figure)(figures) };
         circles += &format!(
             "<circle class=\"{class}\" cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{}, {} {}: efc {:.3}, {:.3} %</title></circle>\n",
-            EFC.place_px(point.efc),
-            panel.axis.place_px(point.figure),
+            EFC.position_px(point.efc),
+            panel.axis.position_px(point.figure),
             row.object,
             knob.name(),
             row.value,
@@ -148,31 +149,31 @@ fn draw_series(panel: &Panel, rows: &[&Row], knob: Knob, dash: &str) -> String {
         );
         points.push(point);
     }
-    let places = means(&points)
+    let positions = means(&points)
         .into_iter()
-        .map(|(efc, figure)| format!("{:.1},{:.1}", EFC.place_px(efc), panel.axis.place_px(figure)));
-    let places = places.collect::<Vec<_>>().join(" ");
-    format!("<polyline class=\"line {class}\" stroke-dasharray=\"{dash}\" points=\"{places}\"/>\n{circles}")
+        .map(|(efc, figure)| format!("{:.1},{:.1}", EFC.position_px(efc), panel.axis.position_px(figure)));
+    let positions = positions.collect::<Vec<_>>().join(" ");
+    format!("<polyline class=\"line {class}\" stroke-dasharray=\"{dash}\" points=\"{positions}\"/>\n{circles}")
 }
 
-/// Mean efc and figure over the objects at each value, by growing efc.
+/// Mean efc and figure over the objects at each value, sorted by efc.
 fn means(points: &[Point]) -> Vec<(f64, f64)> {
     let mut values: Vec<f64> = points.iter().map(|p| p.value).collect();
     values.sort_by(f64::total_cmp);
     values.dedup();
-    let at = |value: f64| {
-        let here: Vec<&Point> = points.iter().filter(|p| p.value == value).collect();
-        let mean = |figure: fn(&Point) -> f64| here.iter().map(|&p| figure(p)).sum::<f64>() / here.len() as f64;
+    let mean_at = |value: f64| {
+        let at_value: Vec<&Point> = points.iter().filter(|p| p.value == value).collect();
+        let mean = |figure: fn(&Point) -> f64| at_value.iter().map(|&p| figure(p)).sum::<f64>() / at_value.len() as f64;
         (mean(|p| p.efc), mean(|p| p.figure))
     };
-    let mut means: Vec<_> = values.into_iter().map(at).collect();
+    let mut means: Vec<_> = values.into_iter().map(mean_at).collect();
     means.sort_by(|a, b| a.0.total_cmp(&b.0));
     means
 }
 
-/// A figure of the paper, as a diamond with its name.
+/// Draws a value of the paper as a labelled diamond.
 fn draw_paper(efc: f64, fpc_percent: f64) -> String {
-    let (x, y) = (EFC.place_px(efc), PANELS[PAPER_PANEL].axis.place_px(fpc_percent));
+    let (x, y) = (EFC.position_px(efc), PANELS[PAPER_PANEL].axis.position_px(fpc_percent));
     format!(
         "<path class=\"paper\" d=\"M{:.1} {y:.1}l7 -7l7 7l-7 7z\"/><text x=\"{:.1}\" y=\"{:.1}\">paper</text>\n",
         x - 7.0,
@@ -191,13 +192,13 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
             y + 4.0
         )
     };
-    let knobs = Knob::OF_EFC
+    let knobs = Knob::EFC_KNOBS
         .into_iter()
         .enumerate()
         .map(|(i, knob)| entry(i, &format!("style=\"stroke:var(--{})\"", class(knob)), "none", knob.title()));
     let resolutions = resolutions.iter().enumerate().map(|(i, name)| {
         let name = format!("resolution: {name}");
-        entry(Knob::OF_EFC.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
+        entry(Knob::EFC_KNOBS.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
     });
     let refused = rows.iter().filter(|row| row.figures.is_none()).count();
     let note = format!(
@@ -208,23 +209,23 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
     knobs.chain(resolutions).chain([note]).collect()
 }
 
-/// Class of the colour of a knob.
+/// Colour class of a knob.
 fn class(knob: Knob) -> String {
-    let place = Knob::OF_EFC.iter().position(|&of_efc| of_efc == knob).unwrap_or_default();
-    format!("k{place}")
+    let index = Knob::EFC_KNOBS.iter().position(|&efc_knob| efc_knob == knob).unwrap_or_default();
+    format!("k{index}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::evaluate::sweep::made_up;
+    use crate::commands::evaluate::sweep::test_row;
 
     fn rows() -> Vec<Row> {
         let mut rows = vec![
-            made_up(Knob::Depth, "elephant", 0.2, 0.02),
-            made_up(Knob::Depth, "machine", 0.2, 0.04),
-            made_up(Knob::Depth, "elephant", 2.0, 4.0),
-            made_up(Knob::Sd, "elephant", 0.5, 0.0),
+            test_row(Knob::Depth, "elephant", 0.2, 0.02),
+            test_row(Knob::Depth, "machine", 0.2, 0.04),
+            test_row(Knob::Depth, "elephant", 2.0, 4.0),
+            test_row(Knob::Sd, "elephant", 0.5, 0.0),
         ];
         rows[2].value = 50.0;
         rows.push(Row { resolution: "other", ..rows[0].clone() });
@@ -236,14 +237,14 @@ mod tests {
     fn every_measurement_is_a_point_and_every_series_a_line() {
         let svg = svg(&rows());
         assert_eq!(svg.matches("<circle").count(), 2 * 5);
-        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::OF_EFC.len());
+        assert_eq!(svg.matches("<polyline").count(), 2 * 2 * Knob::EFC_KNOBS.len());
         assert_eq!(svg.matches(">paper</text>").count(), PAPER.len());
         assert!(svg.contains("1 of 6 not measured"), "{svg}");
         assert!(svg.contains("resolution: other") && !svg.contains("<script") && !svg.contains("NaN"));
     }
 
     #[test]
-    fn a_line_runs_through_the_means_of_the_objects() {
+    fn a_line_connects_the_means_over_the_objects() {
         let point = |value, efc, figure| Point { value, efc, figure };
         let points = [point(8.0, 2.0, 5.0), point(16.0, 1.0, 3.0), point(16.0, 1.0, 1.0)];
         assert_eq!(means(&points), [(1.0, 2.0), (2.0, 5.0)]);

@@ -7,7 +7,7 @@ use super::{Row, Warning};
 const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,efc_measured,com_percent,interior_percent,\
                       miss_percent,fpc_percent,outliers_percent,points,reconstruction_ms,warning,failure";
 
-/// Writes the table; what was not measured is empty.
+/// Writes the table. Fields that were not measured are empty.
 pub(super) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
     writeln!(out, "{HEADER}")?;
     rows.iter().try_for_each(|row| writeln!(out, "{}", line(row)))
@@ -15,7 +15,7 @@ pub(super) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
 
 fn line(row: &Row) -> String {
     let rig = |figure: fn(&super::RigFigures) -> f64| number(row.rig.as_ref().map(figure));
-    let made = |figure: fn(&super::Figures) -> f64| number(row.figures.as_ref().map(figure));
+    let result = |figure: fn(&super::Figures) -> f64| number(row.figures.as_ref().map(figure));
     [
         row.knob.name().to_owned(),
         row.value.to_string(),
@@ -24,15 +24,15 @@ fn line(row: &Row) -> String {
         rig(|f| f.mean_periods),
         rig(|f| f.sd_rad),
         rig(|f| f.efc),
-        made(|f| f.efc_predicted),
-        made(|f| f.efc_measured),
-        made(|f| f.com_percent),
+        result(|f| f.efc_predicted),
+        result(|f| f.efc_measured),
+        result(|f| f.com_percent),
         number(row.figures.as_ref().and_then(|f| f.interior_percent)),
-        made(|f| f.miss_percent),
-        made(|f| f.fpc_percent),
+        result(|f| f.miss_percent),
+        result(|f| f.fpc_percent),
         number(row.figures.as_ref().and_then(|f| f.outliers_percent)),
         row.figures.as_ref().map(|f| f.points.to_string()).unwrap_or_default(),
-        made(|f| f.reconstruction_ms),
+        result(|f| f.reconstruction_ms),
         row.figures.as_ref().and_then(|f| f.warning).map(Warning::name).unwrap_or_default().to_owned(),
         row.failure.as_deref().map(quoted).unwrap_or_default(),
     ]
@@ -43,7 +43,7 @@ fn number(value: Option<f64>) -> String {
     value.map(|value| format!("{value:.5}")).unwrap_or_default()
 }
 
-/// A text that may hold commas, quotes and line breaks.
+/// Quotes a text that may contain commas, quotes and line breaks.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
@@ -51,7 +51,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::evaluate::sweep::{Knob, made_up};
+    use crate::commands::evaluate::sweep::{Knob, test_row};
 
     fn written(rows: &[Row]) -> Vec<String> {
         let mut out = Vec::new();
@@ -60,8 +60,8 @@ mod tests {
     }
 
     #[test]
-    fn a_measurement_is_a_line_of_as_many_fields_as_the_header() {
-        let lines = written(&[made_up(Knob::Depth, "elephant", 0.2, 0.125)]);
+    fn a_measurement_is_a_line_with_as_many_fields_as_the_header() {
+        let lines = written(&[test_row(Knob::Depth, "elephant", 0.2, 0.125)]);
         let fields: Vec<&str> = lines[1].split(',').collect();
         assert_eq!(fields.len(), lines[0].split(',').count());
         assert_eq!(fields[..7], ["depth", "25", "elephant", "paper", "6.00000", "0.04100", "0.20000"]);
@@ -69,9 +69,9 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_is_a_line_that_says_so() {
+    fn a_failure_is_a_line_with_its_reason() {
         let failure = Some("no \"δ\", no cloud".to_owned());
-        let rows = [Row { rig: None, figures: None, failure, ..made_up(Knob::Sd, "nose", 2.0, 1.0) }];
+        let rows = [Row { rig: None, figures: None, failure, ..test_row(Knob::Sd, "nose", 2.0, 1.0) }];
         assert_eq!(written(&rows)[1], "sd,25,nose,paper,,,,,,,,,,,,,,\"no \"\"δ\"\", no cloud\"");
     }
 }

@@ -1,8 +1,8 @@
-//! The rows of a sweep as a table for the terminal, series by series.
+//! The rows of a sweep as tables for the terminal, one for each series.
 
 use super::{Knob, Row, Warning};
 
-/// The table of each knob that has rows.
+/// The tables of all knobs that have rows.
 pub(super) fn table(rows: &[Row]) -> String {
     let series = Knob::ALL.into_iter().map(|knob| rows.iter().filter(move |row| row.knob == knob).collect::<Vec<_>>());
     series.filter(|rows| !rows.is_empty()).map(|rows| series_table(&rows)).collect()
@@ -43,11 +43,11 @@ fn line(row: &Row) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::evaluate::sweep::made_up;
+    use crate::commands::evaluate::sweep::test_row;
 
     #[test]
     fn every_series_has_a_table_and_every_measurement_a_line_with_its_warning() {
-        let mut rows = vec![made_up(Knob::Board, "tooth", 0.2, 12.5), made_up(Knob::Steps, "tooth", 0.2, 0.0)];
+        let mut rows = vec![test_row(Knob::Board, "tooth", 0.2, 12.5), test_row(Knob::Steps, "tooth", 0.2, 0.0)];
         rows[0].figures.as_mut().unwrap().warning = Some(Warning::Drift);
         rows.push(Row { figures: None, failure: Some("no δ".to_owned()), ..rows[1].clone() });
         let text = table(&rows);
