@@ -22,12 +22,12 @@
 #![forbid(unsafe_code)]
 
 mod cameras;
-mod former;
 mod health;
 mod monitor;
 mod paths;
 mod processors;
 mod raw;
+mod renamed_keys;
 mod scanner;
 mod tracking;
 mod virtual_scanner;
@@ -46,9 +46,9 @@ use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 pub use cameras::{
     CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
-pub use former::rename_former_keys;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
+pub use renamed_keys::rename_former_keys;
 pub use scanner::{
     ProjectorDriver, ReadoutConfiguration, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
 };
@@ -180,7 +180,7 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str) -> Result<Self, ConfigurationProblem> {
-        Self::parse(&former::with_current_names(text)?)
+        Self::parse(&renamed_keys::with_current_names(text)?)
     }
 
     fn from_raw(raw: &RawConfiguration) -> Result<Self, ConfigurationProblem> {

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use fringeflow_dataset::VolumeDescription;
 
 use super::virtual_scanner::VirtualScannerTable;
-use super::{ConfigurationProblem, former};
+use super::{ConfigurationProblem, renamed_keys};
 
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
@@ -32,7 +32,7 @@ pub(super) struct RawConfiguration {
 
 impl RawConfiguration {
     pub(super) fn parse(text: &str) -> Result<Self, ConfigurationProblem> {
-        former::refuse_former_keys(text)?;
+        renamed_keys::refuse_former_keys(text)?;
         Ok(toml::from_str(text)?)
     }
 }

@@ -179,7 +179,7 @@ impl ScannerConfiguration {
     /// # Errors
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse_recorded(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
-        Self::parse(&super::former::with_current_names(text)?, folder)
+        Self::parse(&super::renamed_keys::with_current_names(text)?, folder)
     }
 
     /// Time from one image to the next, nanoseconds.

@@ -57,7 +57,7 @@
 
 mod buffers;
 mod check;
-mod collect;
+mod collected;
 mod content;
 mod convert;
 mod counts;
@@ -66,7 +66,7 @@ mod error;
 mod export;
 mod fields;
 mod file;
-mod held;
+mod held_content;
 mod import;
 mod mcap_writer;
 mod offline;

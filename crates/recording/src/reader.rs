@@ -9,7 +9,7 @@ use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_dataset::{CALIBRATION_FILE, GreyImage, META_FILE, Setup, SetupText, Truth};
 use fringeflow_message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
-use crate::collect::Collected;
+use crate::collected::Collected;
 use crate::content::Header;
 use crate::entry::{Entry, FileRange};
 use crate::scan::{ScanMode, Scanned, scan};

@@ -14,7 +14,7 @@ use fringeflow_message::{
 use fringeflow_wire as wire;
 
 use crate::convert::Convert;
-use crate::held::HeldContent;
+use crate::held_content::HeldContent;
 use crate::viewers::{self, log_message};
 use crate::{Topic, TruthPose, schema, truth_poses};
 

@@ -16,7 +16,7 @@ use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use fringeflow_message::{DropReason, FrameHeader};
 
 use crate::buffers::{BufferPool, Item};
-use crate::held::{HeldContent, HeldSlots};
+use crate::held_content::{HeldContent, HeldSlots};
 use crate::opening::monotonic_ns;
 use crate::recordable::{Encoded, MAX_HEADER_BYTES, Times, encode_frame};
 use crate::writer::{Opening, RecordingWriter};

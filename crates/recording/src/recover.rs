@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
 
-use crate::collect::check_version;
+use crate::collected::check_version;
 use crate::content::Header;
 use crate::recordable::Times;
 use crate::scan::{Found, FoundMessage, ScanMode, scan};

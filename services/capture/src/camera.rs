@@ -15,11 +15,11 @@ use fringeflow_message::{DropReason, Incident};
 use fringeflow_runtime::clock;
 
 use crate::device::{self, CameraError, FindError, Prepared, Wanted};
+use crate::incident_log::IncidentLog;
 use crate::ioctl::{CallError, Device};
-use crate::notes::IncidentLog;
 use crate::numbering::{Numbered, Numbering};
 use crate::queue::{FilledBuffer, Queue, Waited};
-use crate::stamp::{StampClock, StampFault, Stamped, Timing};
+use crate::time_stamps::{StampClock, StampFault, Stamped, Timing};
 
 /// `V4L2_BUF_FLAG_ERROR`: the image is damaged.
 const BUF_FLAG_ERROR: u32 = 0x40;

@@ -11,7 +11,7 @@ use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscr
 
 use crate::camera::{Camera, Image};
 use crate::device::Wanted;
-use crate::stamp::Stamped;
+use crate::time_stamps::Stamped;
 
 /// A camera with its channel and its account.
 pub(crate) struct Capture {

@@ -6,11 +6,11 @@
 mod camera;
 mod capture;
 mod device;
+mod incident_log;
 mod ioctl;
-mod notes;
 mod numbering;
 mod queue;
-mod stamp;
+mod time_stamps;
 
 pub use device::{
     CameraError, Control, ControlError, ControlKind, ControlProblem, FindError, FormatError, ListedControl, Listing,

@@ -6,21 +6,21 @@
 //! The monitor must not slow down the scan: it has the lowest priority, no service waits for it, and a client that
 //! stops reading gets no more messages.
 
-mod board;
 mod check;
 mod events;
 mod exposition;
+mod free_space;
 mod http;
+mod instance_status;
+mod lazy_subscribers;
 mod metrics;
-mod news;
+mod newest_messages;
 mod process;
-mod room;
 mod services;
 mod shared;
-mod taps;
+mod view_messages;
+mod view_updater;
 mod viewers;
-mod viewing;
-mod views;
 
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -34,14 +34,14 @@ use fringeflow_transport::{
 
 pub use check::check;
 
-use board::InstanceStatus;
 use events::Level;
 use http::{Guard, Server};
-use news::{NewestMessages, WantedChannels};
+use instance_status::InstanceStatus;
+use lazy_subscribers::LazySubscribers;
+use newest_messages::{NewestMessages, WantedChannels};
 use shared::Shared;
-use taps::LazySubscribers;
+use view_updater::ViewUpdater;
 use viewers::Viewers;
-use viewing::ViewUpdater;
 
 /// Nice value of the process: the lowest priority.
 const NICENESS: i32 = 19;

@@ -21,7 +21,7 @@ use fringeflow_telemetry::{
     WindowFigures,
 };
 
-use crate::board::InstanceStatus;
+use crate::instance_status::InstanceStatus;
 use crate::services::ServiceStatus;
 
 /// The metrics of an instance.

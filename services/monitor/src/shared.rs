@@ -8,7 +8,7 @@ use tokio::sync::watch;
 
 use fringeflow_transport::Instance;
 
-use crate::board::InstanceStatus;
+use crate::instance_status::InstanceStatus;
 
 /// The shared state.
 #[derive(Debug)]

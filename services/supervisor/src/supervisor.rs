@@ -22,13 +22,13 @@ use fringeflow_runtime::{
 };
 use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
-use crate::child::{Service, ServiceEvent};
 use crate::control::Control;
 use crate::display::Display;
 use crate::plan::{Outcome, Plan, RunError};
 use crate::ports::Ports;
 use crate::process::Launch;
 use crate::reports::Reports;
+use crate::service::{Service, ServiceEvent};
 use crate::{Balance, Progress, Source};
 
 /// Longest wait for messages in one cycle.

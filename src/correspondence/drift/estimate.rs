@@ -16,10 +16,10 @@ use rayon::prelude::*;
 
 use crate::phase::PhaseMap;
 
+use super::coordinates::{DepthRow, DriftCoordinates, Polynomial, TERMS};
 use super::known::KnownDrift;
 use super::mixture::{Coefficients, Guess, Sample, Solver, Usable};
 use super::modes::DriftModes;
-use super::place::{DepthRow, Places, Polynomial, TERMS};
 use crate::correspondence::candidates::DecidedCandidate;
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::epipolar_image::EpipolarImage;
@@ -70,7 +70,7 @@ const LAST_WIDENING: f64 = 1.5;
 /// The field of δ that the calibration error of a rig causes, estimated from one pair of images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
-    pub(super) places: Places,
+    pub(super) places: DriftCoordinates,
     pub(super) field: Polynomial,
     /// Its coefficients of the modes.
     coefficients: Coefficients,
@@ -89,7 +89,7 @@ pub struct Drift {
 impl Default for Drift {
     /// No drift, and every pixel agrees.
     fn default() -> Self {
-        let places = Places::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        let places = DriftCoordinates::from_numbers([1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         Self {
             places,
             field: [0.0; TERMS],

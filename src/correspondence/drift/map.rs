@@ -2,12 +2,12 @@
 
 use std::f64::consts::TAU;
 
+use super::coordinates::DepthRow;
 use super::estimate::Drift;
-use super::place::DepthRow;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::segment_table::SegmentTable;
 
-/// Places along a segment, as shares of it, at which the greatest drift is sought.
+/// DriftCoordinates along a segment, as shares of it, at which the greatest drift is sought.
 const PLACES: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 
 /// The drift about its mean, for every pixel of C1 with a segment.

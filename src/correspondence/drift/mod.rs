@@ -4,7 +4,7 @@
 //! the drift subtracted, the threshold shrinks to what noise requires, and with it the expected number of false
 //! candidates (paper, Eq. 1).
 //!
-//! 1. *place*: coordinates of a candidate in which drifts are smooth, and polynomials in them;
+//! 1. *coordinates*: those of a candidate in which drifts are smooth, and polynomials in them;
 //! 2. *modes*: the fields that calibration errors of this rig can cause, strongest first; computed once per rig;
 //! 3. *mixture*: the candidates of a sample of pixels, of which at most one per pixel is true;
 //! 4. *estimate*: the drift of one pair of images, by expectation maximization from candidates decided by surfaces,
@@ -15,16 +15,16 @@
 //! A wrong fringe order that is consistent over a large part of the image looks like a drift too. But only calibration
 //! errors of several pixels could cause it, and the prior of the modes rejects those.
 
+mod coordinates;
 mod estimate;
 mod known;
 mod map;
 mod mixture;
 mod modes;
-mod place;
 
+pub(super) use coordinates::{DepthBlock, DepthPolynomial, DepthRow};
 pub use estimate::{Drift, estimate_drift};
 pub(super) use estimate::{DriftScratch, MODEL_SD_TURNS};
 pub use known::KnownDrift;
 pub use map::DriftMap;
 pub use modes::DriftModes;
-pub(super) use place::{DepthBlock, DepthPolynomial, DepthRow};

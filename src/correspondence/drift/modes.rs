@@ -13,7 +13,7 @@ use crate::geometry::{
     Camera, Distortion, EpipolarFrame, FringePattern, MeasurementVolume, Pixel, Point3, Pose, Rig, Vector3, triangulate,
 };
 
-use super::place::{Places, Polynomial, TERMS, monomials};
+use super::coordinates::{DriftCoordinates, Polynomial, TERMS, monomials};
 
 /// Most modes kept.
 pub(super) const MAX_MODES: usize = 20;
@@ -34,7 +34,7 @@ const EXTRINSIC: usize = 6;
 /// The drift modes of a rig.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriftModes {
-    pub(super) places: Places,
+    pub(super) places: DriftCoordinates,
     /// δ of each mode, turns per pixel of calibration error.
     pub(super) fields: Vec<Polynomial>,
     /// Root mean square of each mode over the volume, turns per pixel.
@@ -44,7 +44,7 @@ pub struct DriftModes {
 
 impl DriftModes {
     /// Length of the modes of any rig as numbers.
-    pub(in crate::correspondence) const NUMBERS: usize = Places::NUMBERS + MAX_MODES * (1 + TERMS);
+    pub(in crate::correspondence) const NUMBERS: usize = DriftCoordinates::NUMBERS + MAX_MODES * (1 + TERMS);
 
     /// The modes of a rig. `None` if too few points of the volume are seen by all devices.
     pub(in crate::correspondence) fn new(
@@ -54,7 +54,7 @@ impl DriftModes {
         frame: &EpipolarFrame,
         limits_px: impl Fn(usize) -> [f32; 2],
     ) -> Option<Self> {
-        let places = Places::fit([rig.cam1.width_px(), rig.cam1.height_px()], limits_px)?;
+        let places = DriftCoordinates::fit([rig.cam1.width_px(), rig.cam1.height_px()], limits_px)?;
         let samples = Samples::new(rig, volume, pattern, frame, &places);
         let (fields, rms_turns) = samples.principal_fields()?;
         Some(Self { places, by_term: ModesByTerm::new(places, &fields), fields, rms_turns })
@@ -73,12 +73,12 @@ impl DriftModes {
 
     /// From the numbers of a file. `None` if they are invalid.
     pub(in crate::correspondence) fn from_numbers(numbers: &[f64]) -> Option<Self> {
-        let (places, modes) = numbers.split_first_chunk::<{ Places::NUMBERS }>()?;
+        let (places, modes) = numbers.split_first_chunk::<{ DriftCoordinates::NUMBERS }>()?;
         let used = modes.chunks_exact(1 + TERMS).take_while(|mode| mode[0] > 0.0);
         let (rms_turns, fields): (Vec<f64>, Vec<Polynomial>) =
             used.map(|mode| (mode[0], std::array::from_fn(|i| mode[1 + i]))).unzip();
         let sound = numbers.len() == Self::NUMBERS && numbers.iter().all(|n| n.is_finite());
-        let places = Places::from_numbers(*places);
+        let places = DriftCoordinates::from_numbers(*places);
         (sound && places.scale_px() >= 1.0).then(|| Self {
             places,
             by_term: ModesByTerm::new(places, &fields),
@@ -99,14 +99,14 @@ const GROUP: usize = 32;
 /// All modes, term by term, for fast evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ModesByTerm {
-    places: Places,
+    places: DriftCoordinates,
     /// Factors of the terms of [`GROUP`] modes; zero for missing modes.
     groups: Vec<[[f64; GROUP]; TERMS]>,
     modes: usize,
 }
 
 impl ModesByTerm {
-    fn new(places: Places, fields: &[Polynomial]) -> Self {
+    fn new(places: DriftCoordinates, fields: &[Polynomial]) -> Self {
         let group = |modes: &[Polynomial]| {
             let mut factors = [[0.0; GROUP]; TERMS];
             for (k, mode) in modes.iter().enumerate() {
@@ -170,7 +170,7 @@ impl<'a> Samples<'a> {
         volume: &MeasurementVolume,
         pattern: &'a FringePattern,
         frame: &EpipolarFrame,
-        places: &Places,
+        places: &DriftCoordinates,
     ) -> Self {
         let mut seen = Vec::new();
         let mut rows = Vec::new();

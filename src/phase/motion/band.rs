@@ -29,8 +29,8 @@ use super::estimate::{ColumnSums, MotionParts, REACH};
 use super::follow::Fits;
 use super::images::Images;
 use super::linear::Fitted;
-use super::moved::{Turns, splat, without_ripple};
-use super::speeds::Speeds;
+use super::motion_histogram::MotionHistogram;
+use super::ripple::{Turns, splat, without_ripple};
 
 /// Rounds of motion estimation. The first uses the fit including its ripple; the others remove the ripple of the motion
 /// found before.
@@ -50,7 +50,7 @@ pub(super) struct BandScratch {
     sums: ColumnSums,
     pub(super) residuals: Residuals,
     /// Motion of the valid pixels.
-    pub(super) speeds: Speeds,
+    pub(super) motions: MotionHistogram,
 }
 
 impl BandScratch {
@@ -59,7 +59,7 @@ impl BandScratch {
         self.parts.iter_mut().for_each(|parts| parts.resize_with(PARTS_ROWS * blocks, MotionParts::default));
         self.sums.resize(blocks);
         self.residuals = Residuals::default();
-        self.speeds = Speeds::default();
+        self.motions = MotionHistogram::default();
     }
 }
 
@@ -241,7 +241,7 @@ impl<S: Sample> Band<'_, '_, S> {
         // Statistics use the rounded modulation, as every later reader of the map does.
         let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
         self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
-        self.scratch.speeds.add_block(l, motion_rad, l.bits(valid));
+        self.scratch.motions.add_block(l, motion_rad, l.bits(valid));
     }
 }
 

@@ -8,7 +8,7 @@ use fringeflow_simd::{LANES, Lanes};
 
 use super::fit::{MOTIONS, MotionFit, TABLE};
 use super::linear::Fitted;
-use super::moved::{Complexes, product, without_ripple};
+use super::ripple::{Complexes, product, without_ripple};
 
 /// Pixels averaged on either side.
 pub(super) const REACH: usize = 2;

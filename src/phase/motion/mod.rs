@@ -16,9 +16,9 @@
 //! removed exactly, up to motions of about 1 rad per image for N = 4.
 //!
 //! If the motion of the scene is known in advance ([`Flow`]), *follow* first samples the images along the motion, and
-//! *fits* adds the expected phase motion to the shifts. The motion that remains for the steps above is small.
+//! *fits by motion* adds the expected phase motion to the shifts. The motion that remains for the steps above is small.
 //!
-//! *band*: kernel over rows, made of *linear* (the fit), *estimate* (the motion) and *moved* (ripple removal);
+//! *band*: kernel over rows, made of *linear* (the fit), *estimate* (the motion) and *ripple* (its removal);
 //! *window*: all bands of an image; *one surface* and *solve*: pixels that are decoded again.
 
 mod band;
@@ -27,16 +27,16 @@ mod brightness_plan;
 mod complement;
 mod estimate;
 mod fit;
-mod fits;
+mod fits_by_motion;
 mod flow;
 mod follow;
 mod image_times;
 mod images;
 mod linear;
-mod moved;
+mod motion_histogram;
 mod one_surface;
+mod ripple;
 mod solve;
-mod speeds;
 #[cfg(test)]
 mod tests;
 mod window;
@@ -51,7 +51,7 @@ use images::Stack;
 use window::Scene;
 
 pub use fit::MotionFit;
-pub use fits::MotionFits;
+pub use fits_by_motion::MotionFits;
 pub use flow::{FLOW_TILE_PX, Flow, SurfaceMotion};
 pub use window::MotionScratch;
 

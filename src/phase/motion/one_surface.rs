@@ -19,8 +19,8 @@ use crate::phase::sample::Sample;
 use super::band::{BlockFit, Planes};
 use super::follow::Fits;
 use super::images::Images;
+use super::motion_histogram::MotionHistogram;
 use super::solve::{BATCH, Batch, Solutions};
-use super::speeds::Speeds;
 
 /// Images with a residual of more than this multiple of the usual one do not show the same surface.
 const LARGE_RESIDUAL: f32 = 4.0;
@@ -48,7 +48,7 @@ pub(super) struct Repaired {
     /// Exposure of the pixels.
     pub(super) exposure: Exposure,
     /// Changes of the motion histogram, by pixels that became valid or invalid.
-    pub(super) speeds: Speeds,
+    pub(super) motions: MotionHistogram,
 }
 
 impl Repaired {
@@ -57,7 +57,7 @@ impl Repaired {
         self.lost_pixels += other.lost_pixels;
         self.valid_pixels += other.valid_pixels;
         self.exposure = self.exposure.plus(other.exposure);
-        self.speeds.merge(&other.speeds);
+        self.motions.merge(&other.motions);
     }
 }
 
@@ -197,7 +197,7 @@ impl<S: Sample> Repair<'_, S> {
             let block_fit = &self.planes.block_fits[row * blocks + u as usize / LANES];
             let followed_rad = fits.followed_rad([self.rows.start + row, u as usize / LANES]);
             let unfollowed_rad = block_fit.motion_rad[u as usize % LANES] - followed_rad;
-            self.scratch.repaired.speeds.change(unfollowed_rad, was_valid, found);
+            self.scratch.repaired.motions.change(unfollowed_rad, was_valid, found);
             self.scratch.repaired.valid_pixels += u64::from(found);
             if found {
                 let [re, im] = [best.z[0][p], best.z[1][p]];

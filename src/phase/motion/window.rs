@@ -23,13 +23,13 @@ use crate::phase::sample::Sample;
 use super::band::{Band, BandScratch, BlockFit, Planes};
 use super::brightness::{BrightnessSums, compensate};
 use super::fit::MotionFit;
-use super::fits::MotionFits;
+use super::fits_by_motion::MotionFits;
 use super::flow::Flow;
 use super::follow::{Fits, FollowScratch, follow};
 use super::image_times::time;
 use super::images::Images;
+use super::motion_histogram::MotionHistogram;
 use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
-use super::speeds::Speeds;
 
 /// Fewest rows of a band. Each band fits six surrounding rows again that its neighbours fit too.
 const LEAST_ROWS: usize = 64;
@@ -104,10 +104,10 @@ fn decode_sampled<S: Sample>(
     bands(map, scratch, rows).for_each(|(rows, planes, (scratch, _))| {
         fringeflow_simd::run(level, Band { images, fits, validity, rows, scratch, planes });
     });
-    let (mut residuals, mut speeds) = (Residuals::default(), Speeds::default());
+    let (mut residuals, mut motions) = (Residuals::default(), MotionHistogram::default());
     for (band, _) in &scratch.bands {
         residuals.merge(&band.residuals);
-        speeds.merge(&band.speeds);
+        motions.merge(&band.motions);
     }
     let statistics = residuals.statistics(fits.common().freedom(), images.format, fits.noise_gain());
     let one_surface = OneSurface::new(images, fits, validity, &statistics);
@@ -116,8 +116,8 @@ fn decode_sampled<S: Sample>(
     });
     let mut all = Repaired::default();
     scratch.bands.iter().for_each(|(_, band)| all.merge(&band.repaired));
-    speeds.merge(&all.speeds);
-    let [median_rad, fast_rad] = speeds.median_and_fast_rad();
+    motions.merge(&all.motions);
+    let [median_rad, fast_rad] = motions.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
     map.harmonics = harmonics(images, fits.common(), map, &scratch.block_fits, &mut scratch.samples);

@@ -18,8 +18,8 @@ use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
 use super::{
-    Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, Staging, VirtualRig, check_range, cover,
-    share, truth,
+    Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, Staging, VirtualRig, check_range,
+    covered_camera, image_share, truth,
 };
 
 /// Options of a simulated dataset.
@@ -130,7 +130,7 @@ impl Simulation {
         let views = [view(CameraId::Cam1)?, view(CameraId::Cam2)?];
         let mut truth = truth(&rig.exact, &rig.exact_volume, &scene, &views[0], UNIT);
         if let Some(camera) = staging.covered {
-            cover::hide(&mut truth, camera, options.rig.size_px[0]);
+            covered_camera::hide(&mut truth, camera, options.rig.size_px[0]);
         }
         Ok(Self { options, staging, motion, rig, scene, views, truth })
     }
@@ -302,7 +302,7 @@ fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Re
     let mut scene = Scene::from_shifted_object(options.object, staging.shift_mm, options.board, &rig.exact_volume);
     scene.check_board(&rig.exact)?;
     if let Some(percent) = staging.share_percent {
-        scene = scene.scaled(options.object, share::factor(rig, options.object, staging.shift_mm, percent)?);
+        scene = scene.scaled(options.object, image_share::factor(rig, options.object, staging.shift_mm, percent)?);
     }
     Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
 }

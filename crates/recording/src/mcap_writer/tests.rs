@@ -5,7 +5,7 @@ use std::io::Cursor;
 use mcap::WriteOptions;
 
 use super::*;
-use crate::held::{HeldContent, HeldSlots};
+use crate::held_content::{HeldContent, HeldSlots};
 
 /// A step of writing a file.
 enum Step {

@@ -8,7 +8,7 @@ use fringeflow_transport::{Instance, request};
 
 use crate::failure::Failure;
 
-use super::instances::RESPONSE_TIMEOUT;
+use super::status_list::RESPONSE_TIMEOUT;
 
 /// Arguments of `fringeflow control`.
 #[derive(clap::Args)]

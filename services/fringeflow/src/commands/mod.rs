@@ -9,7 +9,6 @@ mod export;
 mod fuse;
 mod import;
 mod info;
-mod instances;
 mod latency;
 mod reconstruct;
 mod recover;
@@ -20,6 +19,7 @@ mod scanner_check;
 mod service;
 mod simulate;
 mod status;
+mod status_list;
 
 use crate::failure::Failure;
 use crate::globals::Globals;

@@ -16,7 +16,7 @@ use fringeflow_transport::{Instance, request};
 use crate::failure::Failure;
 use crate::json;
 
-use super::instances::{self, RESPONSE_TIMEOUT, dashboard_url};
+use super::status_list::{self, RESPONSE_TIMEOUT, dashboard_url};
 
 /// How long reports are collected, nanoseconds: long enough for every stage to report, and for a rate.
 const OBSERVATION_NS: u64 = 2_500_000_000;
@@ -82,7 +82,7 @@ impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         match &self.instance {
             Some(name) => self.show(&Instance::new(name)?),
-            None => instances::list(self.json),
+            None => status_list::list(self.json),
         }
     }
 

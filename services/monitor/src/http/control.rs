@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use fringeflow_message::{Command, ControlRequest, ControlResponse, Text};
 use fringeflow_transport::{Instance, TransportError, request};
 
-use crate::board::state_entry;
+use crate::instance_status::state_entry;
 
 use super::state::ServerState;
 

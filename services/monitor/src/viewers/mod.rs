@@ -3,7 +3,7 @@
 //! Viewers get a few images and clouds per second. A topic is encoded only while a viewer has subscribed to it. The
 //! server is that of the Foxglove SDK; clients reach it only through [`front`].
 
-mod front;
+mod proxy;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use foxglove::{ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChann
 use fringeflow_dataset::Setup;
 use fringeflow_recording::{Encoded, Recordable, Topic, static_messages};
 
-pub(crate) use front::serve;
+pub(crate) use proxy::serve;
 
 /// Time between two messages on static topics, nanoseconds. Repeating them serves viewers that connect later.
 const STATIC_PERIOD_NS: u64 = 2_000_000_000;

@@ -5,16 +5,16 @@
 //! `FRINGEFLOW_LOG=debug`. An event that repeats within ten seconds is left out, and its next line states how often.
 //! Events of level `trace` are never left out.
 
+mod event_content;
 mod format;
-mod line;
-mod lines;
+mod formatter;
 mod output;
 mod repeats;
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
 
-use lines::LineFormatter;
+use formatter::LineFormatter;
 use output::Output;
 
 pub use format::LogFormat;

@@ -8,12 +8,12 @@
 mod affinity;
 mod memory;
 mod realtime;
-mod standing;
+mod resource_grants;
 
 use fringeflow_config::{MemoryLock, ProcessorsConfiguration, ServiceProcessors};
 
 pub use affinity::{AffinityError, check};
-pub use standing::ResourceGrants;
+pub use resource_grants::ResourceGrants;
 
 /// Sets the number of threads that this process computes with; the calling thread is one of them. Tasks that other
 /// threads give to the thread pool wait for one of these threads.

@@ -3,7 +3,7 @@
 //! It takes the newest cloud, and counts the clouds that arrived while it worked, so it never delays the clouds unless
 //! the configuration wants no window lost. A cloud that is not found on the model is reported as lost, without a pose.
 
-mod shown;
+mod model_publisher;
 
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
@@ -15,7 +15,7 @@ use fringeflow_tracking::messages::pose_report;
 use fringeflow_transport::{CLOUD, Publisher, Received, Subscriber, TRACKING_POSE, TRACKING_PRIOR, wait_for};
 use fringeflow_wire::{drift, prior};
 
-use shown::ModelPublisher;
+use model_publisher::ModelPublisher;
 
 /// Nice value of this service. On a shared core, the stages that make the clouds get nine tenths of the time.
 const NICENESS: i32 = 10;

@@ -3,8 +3,8 @@
 mod camera;
 mod capture;
 mod images;
-mod source;
 mod trigger;
+mod trigger_source;
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use fringeflow_lab::simulation::{ConfiguredScanner, Faults};
 use fringeflow_runtime::{Host, MAX_WAIT, ServiceArgs, ServiceError, clock};
 
 use capture::Capture;
-use source::TriggerSource;
+use trigger_source::TriggerSource;
 
 pub use camera::{ExposureResult, Shot, Timing, VirtualCamera};
 pub use trigger::{CableTriggers, ClockTriggers, Trigger};

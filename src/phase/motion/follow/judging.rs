@@ -6,7 +6,7 @@ use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
 
 use crate::phase::Validity;
 use crate::phase::motion::fit::MotionFit;
-use crate::phase::motion::fits::MotionFits;
+use crate::phase::motion::fits_by_motion::MotionFits;
 use crate::phase::motion::flow::FLOW_TILE_PX;
 use crate::phase::motion::images::Images;
 use crate::phase::sample::Sample;

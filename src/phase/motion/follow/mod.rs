@@ -25,7 +25,7 @@ use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
 use super::fit::MotionFit;
-use super::fits::{Bin, MotionFits};
+use super::fits_by_motion::{Bin, MotionFits};
 use super::flow::{FLOW_TILE_PX, Flow};
 use super::image_times::time;
 use super::images::Images;

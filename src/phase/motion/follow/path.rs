@@ -1,6 +1,6 @@
 //! The path along which the images of a tile are sampled.
 
-use crate::phase::motion::fits::{Bin, MotionFits};
+use crate::phase::motion::fits_by_motion::{Bin, MotionFits};
 use crate::phase::motion::flow::SurfaceMotion;
 
 /// Shares of the motion across the fringes that are tried, the largest first. Motion along the fringes is followed

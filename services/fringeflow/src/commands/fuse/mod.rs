@@ -1,9 +1,9 @@
 //! `fringeflow fuse`: tracks the clouds of a moving scanner and fuses them into one model.
 
-mod drift;
 mod scan;
 mod summary;
 mod trajectory;
+mod trajectory_errors;
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
@@ -76,7 +76,7 @@ impl Args {
         }
         let export = CloudExport { unit: self.units, dataset: &input.setup().name };
         let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
-        let truth = drift::against_truth(&input, &scan, tracker)?;
+        let truth = trajectory_errors::against_truth(&input, &scan, tracker)?;
         let summary = Summary::new(&self.output, &scan, tracker, surfels, truth.as_ref());
         if self.json {
             json::print(&summary)?;

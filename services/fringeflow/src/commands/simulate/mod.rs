@@ -1,7 +1,7 @@
 //! `fringeflow simulate`: writes a simulated dataset folder, or a recording of the virtual scanner of a configuration.
 
-mod live;
 mod recording;
+mod simulated_time;
 
 use std::io::Write as _;
 use std::path::PathBuf;

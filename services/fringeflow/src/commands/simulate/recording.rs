@@ -10,7 +10,7 @@ use fringeflow_runtime::ServiceArgs;
 use crate::failure::Failure;
 use crate::{json, progress};
 
-use super::live::{LiveError, LiveScanner};
+use super::simulated_time::{LiveError, LiveScanner};
 
 #[derive(serde::Serialize)]
 struct Report<'a> {

@@ -1,10 +1,10 @@
 //! The monitor of a running instance: access, content, and its effect on the scan.
 
+mod access;
 mod clients;
 mod dashboard;
 mod page;
 mod prometheus;
-mod strangers;
 mod viewers;
 
 use std::io::{Read as _, Write as _};

@@ -1,6 +1,6 @@
 //! A test bench for one instance: its folders and configuration, the commands of a user, and their results.
 
-mod ended;
+mod finished_run;
 mod live;
 
 use std::ffi::OsStr;
@@ -15,7 +15,7 @@ use fringeflow_message::{Counts, Stage};
 use fringeflow_runtime::{Account, accounts_folder};
 use fringeflow_transport::Instance;
 
-pub(crate) use ended::FinishedRun;
+pub(crate) use finished_run::FinishedRun;
 pub(crate) use live::{Live, send};
 
 /// Name of every instance. Each has its own runtime folder, so equal names do not clash.

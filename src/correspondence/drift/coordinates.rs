@@ -24,7 +24,7 @@ pub(super) type Polynomial = [f64; TERMS];
 
 /// The coordinates of one rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Places {
+pub(super) struct DriftCoordinates {
     /// Half the width of C1's image, pixels.
     half_px: f64,
     /// Half its height, pixels.
@@ -35,7 +35,7 @@ pub(super) struct Places {
     scale_px: f64,
 }
 
-impl Places {
+impl DriftCoordinates {
     /// Number of numbers in [`Self::to_numbers`].
     pub(super) const NUMBERS: usize = 6;
 
@@ -201,7 +201,7 @@ impl<L: Lanes> DepthBlock<L> {
 
 /// Computes the polynomials of a row.
 struct DepthKernel<'a> {
-    /// As in [`Places`].
+    /// As in [`DriftCoordinates`].
     middle_px: [f64; 3],
     y: f64,
     /// Factor of xⁱ·dᵏ at `[i][k]`.
@@ -306,13 +306,13 @@ const EXPONENTS: [[usize; 3]; TERMS] = {
 mod tests {
     use super::*;
 
-    fn places() -> Places {
+    fn places() -> DriftCoordinates {
         let limits_px = |i: usize| {
             let (u, v) = ((i % 64) as f32, (i / 64) as f32);
             let middle = 100.0 + 2.0 * u - v;
             [middle - 20.0, middle + 20.0]
         };
-        Places::fit([64, 48], limits_px).unwrap()
+        DriftCoordinates::fit([64, 48], limits_px).unwrap()
     }
 
     #[test]
@@ -344,6 +344,6 @@ mod tests {
 
     #[test]
     fn numbers_make_the_same_coordinates() {
-        assert_eq!(Places::from_numbers(places().to_numbers()), places());
+        assert_eq!(DriftCoordinates::from_numbers(places().to_numbers()), places());
     }
 }

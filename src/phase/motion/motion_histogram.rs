@@ -11,9 +11,9 @@ const BINS: usize = 1024;
 
 /// Histogram of the motion. NaN counts nowhere.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Speeds(Histogram<{ 2 * BINS }>);
+pub(super) struct MotionHistogram(Histogram<{ 2 * BINS }>);
 
-impl Speeds {
+impl MotionHistogram {
     /// Adds 32 pixels. Pixel k counts only if bit k of `valid` is set.
     #[inline(always)]
     pub(super) fn add_block<L: Lanes>(&mut self, lanes: L, motion_rad: L::Reals, valid: u32) {

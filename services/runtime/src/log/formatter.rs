@@ -10,8 +10,8 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::registry::LookupSpan;
 
+use super::event_content::{EventContent, LineContext};
 use super::format::LogFormat;
-use super::line::{EventContent, LineContext};
 use super::repeats::RepeatFilter;
 use crate::clock::now_ns;
 

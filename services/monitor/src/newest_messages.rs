@@ -5,7 +5,7 @@ use fringeflow_recording::{Recordable, Topic};
 use fringeflow_runtime::Host;
 use fringeflow_transport::Received;
 
-use crate::taps::LazySubscribers;
+use crate::lazy_subscribers::LazySubscribers;
 use crate::viewers::Viewers;
 
 /// The channels whose messages a page or a viewer wants.

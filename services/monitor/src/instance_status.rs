@@ -16,7 +16,7 @@ use fringeflow_telemetry::{
 };
 
 use crate::events::EventLog;
-use crate::room::FreeSpace;
+use crate::free_space::FreeSpace;
 use crate::services::{ServiceStatus, Services};
 
 /// Points of the timelines, one per second, that a new page receives.

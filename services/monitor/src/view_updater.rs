@@ -2,9 +2,9 @@
 //!
 //! It encodes only while a page is ready for the next message, and limits the bytes per second to all pages together.
 
-use crate::news::{NewestMessages, WantedChannels};
+use crate::newest_messages::{NewestMessages, WantedChannels};
 use crate::shared::{Shared, View};
-use crate::views::{Pictures, cloud_message, model_message};
+use crate::view_messages::{Pictures, cloud_message, model_message};
 
 /// Bytes per second that are sent to all pages together. With many pages, each gets fewer messages.
 const BYTES_PER_S: u64 = 16_000_000;
