@@ -61,14 +61,14 @@ codes! {
 }
 
 /// Maximum number of drop reasons in a report.
-const REASONS: usize = 32;
+const REASONS: usize = 64;
 /// Maximum number of kinds of incidents in a report.
 const INCIDENTS: usize = 16;
 
 /// Items of a stage since the start of the instance: `taken = passed + Σ dropped + in work`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.Counts.2")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
+#[type_name("fringeflow.Counts.3")]
 pub struct Counts {
     /// Items that the previous stage passed on, including those lost in between.
     pub taken: u64,
@@ -98,7 +98,7 @@ pub struct Skew {
 /// Counts of one stage, and the times of the item that it finished last.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.StageReport.3")]
+#[type_name("fringeflow.StageReport.4")]
 pub struct StageReport {
     /// [`Stage`].
     pub stage: u32,
@@ -122,6 +122,12 @@ pub struct StageReport {
     pub counts: Counts,
     /// Skew of the pairs since the previous report, for the stage that pairs images.
     pub skew: Skew,
+}
+
+impl Default for Counts {
+    fn default() -> Self {
+        Self::zeroed()
+    }
 }
 
 impl Counts {

@@ -14,7 +14,7 @@ use fringeflow_message::{Counts, DropReason, Incident, Stage};
 use fringeflow_transport::Instance;
 
 /// Version of the file layout. Files of other versions are ignored.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 /// Maximum number of input channels of a stage.
 const MAX_SOURCES: usize = 8;
 
