@@ -182,34 +182,62 @@ pub trait Kernel {
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
+/// A kernel compiled for each level. Methods with the kernel as their own type are compiled beside the kernel, in the
+/// module where it stands, and so in parallel; generic functions of this crate would all be compiled as one piece.
+#[allow(unsafe_code, reason = "functions for some processors only")]
+trait CompiledKernel: Kernel {
+    fn run_portable(self) -> Self::Output;
+
+    /// # Safety
+    /// The processor has the instructions of [`Level::Avx2`].
+    #[cfg(target_arch = "x86_64")]
+    unsafe fn run_avx2(self) -> Self::Output;
+
+    /// # Safety
+    /// The processor has the instructions of [`Level::Avx512`].
+    #[cfg(target_arch = "x86_64")]
+    unsafe fn run_avx512(self, lanes: Avx512) -> Self::Output;
+}
+
+#[allow(unsafe_code, reason = "functions for some processors only")]
+impl<K: Kernel> CompiledKernel for K {
+    fn run_portable(self) -> Self::Output {
+        self.run(Arrays)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+    unsafe fn run_avx2(self) -> Self::Output {
+        self.run(Arrays)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(
+        enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
+    )]
+    unsafe fn run_avx512(self, lanes: Avx512) -> Self::Output {
+        self.run(lanes)
+    }
+}
+
 /// Runs a kernel at a level, or at the level of the processor if that is lower.
 #[inline]
 #[allow(unsafe_code, reason = "calls code of a level after checking that the processor has it")]
 pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-        fn avx2<K: Kernel>(kernel: K) -> K::Output {
-            kernel.run(Arrays)
-        }
-        #[target_feature(
-            enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
-        )]
-        fn avx512<K: Kernel>(kernel: K, lanes: Avx512) -> K::Output {
-            kernel.run(lanes)
-        }
         if level >= Level::Avx512
             && let Some(lanes) = Avx512::new()
         {
             // SAFETY: the lanes exist only if the processor has these instructions.
-            return unsafe { avx512(kernel, lanes) };
+            return unsafe { kernel.run_avx512(lanes) };
         }
         if level >= Level::Avx2 && Level::Avx2.is_available() {
             // SAFETY: the processor was checked for these instructions.
-            return unsafe { avx2(kernel) };
+            return unsafe { kernel.run_avx2() };
         }
     }
-    kernel.run(Arrays)
+    kernel.run_portable()
 }
 
 /// Vectors of [`LANES`] numbers, one per pixel, and their operations.
