@@ -14,6 +14,7 @@
 mod association;
 mod covariance;
 mod equations;
+mod from_cloud;
 mod icp;
 mod normals;
 mod outcome;

@@ -1,9 +1,6 @@
 //! A surface seen by camera 1: at most one point per pixel, with its normal where the surface is smooth.
 
-use fringeflow::cloud::Cloud;
 use fringeflow::geometry::{Point3, Vector3};
-
-use super::normals::normals;
 
 /// A point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,45 +51,6 @@ pub(super) fn grid_step(points: usize, count: usize) -> usize {
 const NONE: u32 = u32::MAX;
 
 impl OrganizedSurface {
-    /// Creates the surface of a cloud of C1 with images of `size_px` (width, height), and computes normals from the
-    /// pixel grid.
-    ///
-    /// Skips points outside the image, and points that are not in front of the camera.
-    #[must_use]
-    pub fn from_cloud(cloud: &Cloud, size_px: [usize; 2]) -> Self {
-        let mut surface = Self::without_normals(cloud, size_px);
-        surface.compute_normals(1);
-        surface
-    }
-
-    /// [`Self::from_cloud`] with normals for only about `count` points, on a regular grid of pixels. This is enough for
-    /// a registration and takes less time.
-    #[must_use]
-    pub fn sampled(cloud: &Cloud, size_px: [usize; 2], count: usize) -> Self {
-        let mut surface = Self::without_normals(cloud, size_px);
-        let step_px = grid_step(surface.points.len(), count);
-        surface.compute_normals(step_px);
-        surface
-    }
-
-    fn without_normals(cloud: &Cloud, size_px: [usize; 2]) -> Self {
-        let points = cloud.points.iter().map(|p| SurfacePoint {
-            position_m: p.position_m,
-            normal: None,
-            sigma_m: p.sigma_m,
-            intensity: p.intensity,
-            cam1_px: p.cam1_px,
-        });
-        Self::new(size_px, points)
-    }
-
-    fn compute_normals(&mut self, step_px: usize) {
-        self.normal_step_px = step_px;
-        for (index, normal) in normals(self, step_px).into_iter().flatten() {
-            self.points[index as usize].normal = Some(normal);
-        }
-    }
-
     /// Creates a surface from points with their normals. Of two points at one pixel, the later one stays.
     pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
         let [width, height] = size_px;
@@ -108,6 +66,14 @@ impl OrganizedSurface {
             }
         }
         surface
+    }
+
+    /// Sets the normals of points, by index. They stand in every `step_px`-th column and row.
+    pub(super) fn set_normals(&mut self, step_px: usize, normals: impl IntoIterator<Item = (u32, [f32; 3])>) {
+        self.normal_step_px = step_px;
+        for (index, normal) in normals {
+            self.points[index as usize].normal = Some(normal);
+        }
     }
 
     /// Stride of the columns and rows with normals.
