@@ -199,8 +199,7 @@ impl Matching<'_> {
         out: &mut Matches,
         grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
-        let View { cam1, cam2, table } = self.view;
-        let known = known.and_then(|known| Drift::from_known(known, table));
+        let known = known.and_then(|known| Drift::from_known(known, self.view.table));
         let drift = surfaces::explain(self.view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
         if self.is_measured() {
             // δ and the fit of surfaces must both indicate an exchange.
@@ -212,7 +211,7 @@ impl Matching<'_> {
         if self.is_measured() {
             check_residual(&residual)?;
         }
-        let scene = Scene { cam1, cam2, table, drift: &drift };
+        let scene = Scene { view: self.view, drift: &drift };
         let limits = semi_global::Limits {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
@@ -248,8 +247,7 @@ impl Matching<'_> {
     }
 
     fn resolve_by_paper(&self, delta: &DeltaStatistics, out: &mut Matches) -> Sums {
-        let (View { cam1, cam2, table }, settings) = (self.view, &self.settings.resolution);
-        let decisions = paper::resolve(paper::Scene { cam1, cam2, table, delta, settings });
+        let decisions = paper::resolve(paper::Scene { view: self.view, delta, settings: &self.settings.resolution });
         (out.outcomes, out.chosen, out.passing) = (decisions.outcomes, decisions.chosen, decisions.passing);
         let sums = out.sums();
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();

@@ -54,8 +54,8 @@ impl<'a> PixelSearch<'a> {
     ) -> Self {
         let segment = segments.segment(u);
         let limits_px = reach.limits_px(segment.limits_px());
-        let phase = scene.cam1.phase[v * scene.cam1.width + u];
-        Self::within(scene.cam2, segment, drift.segment(u), phase, limits_px)
+        let phase = scene.view.cam1.phase[v * scene.view.cam1.width + u];
+        Self::within(scene.view.cam2, segment, drift.segment(u), phase, limits_px)
     }
 
     /// The search of a pixel with this phase, within these columns.

@@ -43,13 +43,14 @@ macro_rules! inlined {
 mod arrays;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU8, Ordering};
+mod dispatch;
+mod level;
 
 pub use arrays::Arrays;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
+pub use dispatch::{Kernel, run};
+pub use level::Level;
 
 /// Pixels that a kernel processes together.
 pub const LANES: usize = 32;
@@ -91,153 +92,6 @@ pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT]
 #[inline(always)]
 pub fn first_lanes(count: usize) -> u32 {
     if count >= LANES { u32::MAX } else { (1 << count) - 1 }
-}
-
-/// Instruction sets for which kernels are compiled, the lowest first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
-    /// The baseline of the architecture.
-    Portable,
-    /// AVX2, BMI and LZCNT.
-    Avx2,
-    /// AVX-512 with bytes and words (F, BW, DQ, VL, CD, VBMI, VNNI).
-    Avx512,
-}
-
-/// Highest permitted level, as index into [`Level::ALL`]. Kernels never use more than the processor supports.
-static LIMIT: AtomicU8 = AtomicU8::new(u8::MAX);
-
-impl Level {
-    /// All levels, the lowest first.
-    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
-
-    /// Name on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Portable => "portable",
-            Self::Avx2 => "avx2",
-            Self::Avx512 => "avx512",
-        }
-    }
-
-    /// Whether the processor has the level.
-    #[must_use]
-    pub fn is_available(self) -> bool {
-        self <= Self::highest()
-    }
-
-    /// Returns the level in use: the highest level of the processor within the limit.
-    #[must_use]
-    pub fn in_use() -> Self {
-        let limit = usize::from(LIMIT.load(Ordering::Relaxed)).min(Self::ALL.len() - 1);
-        Self::ALL[limit].min(Self::highest())
-    }
-
-    /// Returns the highest level of the processor. It is determined once, because short kernels run a million times per
-    /// second.
-    fn highest() -> Self {
-        static HIGHEST: OnceLock<Level> = OnceLock::new();
-        *HIGHEST.get_or_init(|| {
-            #[cfg(target_arch = "x86_64")]
-            match (has_avx2(), has_avx512()) {
-                (_, true) => return Self::Avx512,
-                (true, _) => return Self::Avx2,
-                _ => {}
-            }
-            Self::Portable
-        })
-    }
-
-    /// Limits the level of all kernels of the process from now on. The results stay the same, but take longer.
-    pub fn limit_to(self) {
-        LIMIT.store(self as u8, Ordering::Relaxed);
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("bmi2") && is_x86_feature_detected!("lzcnt")
-}
-
-#[cfg(target_arch = "x86_64")]
-fn has_avx512() -> bool {
-    has_avx2()
-        && is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512cd")
-        && is_x86_feature_detected!("avx512vbmi")
-        && is_x86_feature_detected!("avx512vnni")
-}
-
-/// Code that is compiled for every level. `run` and all functions that it calls with lanes must be `#[inline(always)]`;
-/// only then are they compiled for the level.
-pub trait Kernel {
-    /// The result.
-    type Output;
-
-    /// Runs the code with the vectors of a level.
-    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
-}
-
-/// A kernel compiled for each level. Methods with the kernel as their own type are compiled beside the kernel, in the
-/// module where it stands, and so in parallel; generic functions of this crate would all be compiled as one piece.
-#[allow(unsafe_code, reason = "functions for some processors only")]
-trait CompiledKernel: Kernel {
-    fn run_portable(self) -> Self::Output;
-
-    /// # Safety
-    /// The processor has the instructions of [`Level::Avx2`].
-    #[cfg(target_arch = "x86_64")]
-    unsafe fn run_avx2(self) -> Self::Output;
-
-    /// # Safety
-    /// The processor has the instructions of [`Level::Avx512`].
-    #[cfg(target_arch = "x86_64")]
-    unsafe fn run_avx512(self, lanes: Avx512) -> Self::Output;
-}
-
-#[allow(unsafe_code, reason = "functions for some processors only")]
-impl<K: Kernel> CompiledKernel for K {
-    fn run_portable(self) -> Self::Output {
-        self.run(Arrays)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn run_avx2(self) -> Self::Output {
-        self.run(Arrays)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(
-        enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl,avx512cd,avx512vbmi,avx512vnni"
-    )]
-    unsafe fn run_avx512(self, lanes: Avx512) -> Self::Output {
-        self.run(lanes)
-    }
-}
-
-/// Runs a kernel at a level, or at the level of the processor if that is lower.
-#[inline]
-#[allow(unsafe_code, reason = "calls code of a level after checking that the processor has it")]
-pub fn run<K: Kernel>(level: Level, kernel: K) -> K::Output {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if level >= Level::Avx512
-            && let Some(lanes) = Avx512::new()
-        {
-            // SAFETY: the lanes exist only if the processor has these instructions.
-            return unsafe { kernel.run_avx512(lanes) };
-        }
-        if level >= Level::Avx2 && Level::Avx2.is_available() {
-            // SAFETY: the processor was checked for these instructions.
-            return unsafe { kernel.run_avx2() };
-        }
-    }
-    kernel.run_portable()
 }
 
 /// Vectors of [`LANES`] numbers, one per pixel, and their operations.

@@ -105,7 +105,7 @@ impl MatchingCosts {
         selection: &mut Selection,
         passing: &mut Vec<u8>,
     ) {
-        let (pixels, costs) = (input.scene.cam1.phase.len(), CostTable::new());
+        let (pixels, costs) = (input.scene.view.cam1.phase.len(), CostTable::new());
         passing.resize(pixels, 0);
         for array in [&mut self.best.place, &mut self.best.least, &mut self.best.second] {
             array.resize(pixels, 0);
@@ -132,9 +132,9 @@ impl MatchingCosts {
         costs: &CostTable,
         passing: &mut [u8],
     ) -> usize {
-        let (lanes, reach, width) = (ranges.lanes, ranges.reach, scene.cam1.width.max(1));
-        self.by_order.resize(scene.cam1.phase.len() * lanes, NO_ORDER);
-        bands::resize(&mut self.scratches, scene.cam1.height);
+        let (lanes, reach, width) = (ranges.lanes, ranges.reach, scene.view.cam1.width.max(1));
+        self.by_order.resize(scene.view.cam1.phase.len() * lanes, NO_ORDER);
+        bands::resize(&mut self.scratches, scene.view.cam1.height);
         let band_px = BAND_ROWS * width;
         let bands = (
             self.by_order.par_chunks_mut(band_px * lanes),
@@ -157,7 +157,7 @@ impl MatchingCosts {
                 row.load_row(scene, scale, v);
                 let (first, count) = (&mut first[pixels.clone()], &mut count[pixels.clone()]);
                 let own = v * width..(v + 1) * width;
-                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own.clone()]);
+                let (phase, valid) = (&scene.view.cam1.phase[own.clone()], &scene.view.cam1.valid[own.clone()]);
                 let outside = &outside[own];
                 OrderRangeRow { reach, segments: &row.segments, phase, valid, outside, first, count }.fill();
                 *most = count.iter().fold(*most, |most, &count| most.max(usize::from(count)));
@@ -374,16 +374,16 @@ mod tests {
     fn matching_costs_of_many_pixels_are_those_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, costs, width) = (DeltaScale::from_scene(&scene), CostTable::new(), scene.cam1.width);
+        let (scale, costs, width) = (DeltaScale::from_scene(&scene), CostTable::new(), scene.view.cam1.width);
         let (mut ranges, mut row, mut known) = (OrderRanges::default(), SearchRow::default(), 0);
         ranges.prepare(&scene, false);
         let reach = ranges.reach;
         for lanes in [ranges.lanes + 8, ranges.lanes + 16] {
-            for v in 0..scene.cam1.height {
+            for v in 0..scene.view.cam1.height {
                 row.load_row(&scene, &scale, v);
                 let (mut first, mut count) = (vec![0; width], vec![0; width]);
                 let own = v * width..(v + 1) * width;
-                let (phase, valid) = (&scene.cam1.phase[own.clone()], &scene.cam1.valid[own]);
+                let (phase, valid) = (&scene.view.cam1.phase[own.clone()], &scene.view.cam1.valid[own]);
                 let (segments, outside) = (&row.segments, &vec![false; width]);
                 let (own_first, own_count) = (&mut first, &mut count);
                 let range =

@@ -100,16 +100,16 @@ impl Scratch {
             segments,
         } = self;
         let scale = DeltaScale::from_scene(scene);
-        let view = View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table };
-        let near_px = ranges.near_px(scene.table);
-        let far = surfaces.mark_outside(view, scene.drift, near_px, outside);
-        let is_taken = far.is_far && surfaces.mask_taken(view, scene.drift, outside, open);
-        let open = Scene { cam2: if is_taken { open } else { scene.cam2 }, ..*scene };
+        let Scene { view, drift } = *scene;
+        let near_px = ranges.near_px(view.table);
+        let far = surfaces.mark_outside(view, drift, near_px, outside);
+        let is_taken = far.is_far && surfaces.mask_taken(view, drift, outside, open);
+        let open = Scene { view: View { cam2: if is_taken { open } else { view.cam2 }, ..view }, drift };
         ranges.prepare(scene, far.is_very_far);
         let input = matching_cost::CostInput { scene, open: &open, scale: &scale, surfaces, outside };
         matching_costs.gather(&input, ranges, selection, decisions.passing);
-        unexplained::remove_orders(scene.cam1.width.max(1), &matching_costs.is_explained, &mut ranges.count);
-        paths::least_costs(scene.cam1, ranges, matching_costs, paths, path_orders);
+        unexplained::remove_orders(view.cam1.width.max(1), &matching_costs.is_explained, &mut ranges.count);
+        paths::least_costs(view.cam1, ranges, matching_costs, paths, path_orders);
         selection.select(&open, ranges, &scale, &path_orders.order);
         let input = verification::VerificationInput { path_orders, surfaces };
         verification::verify(scene, selection, &input, limits, verification, decisions, grounds);

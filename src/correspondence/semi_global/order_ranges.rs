@@ -46,21 +46,21 @@ impl OrderRanges {
     /// Prepares for a scene. `lanes` and `reach` are computed once per table. Some pixel may have more orders than
     /// `lanes`; see [`Self::grow`].
     pub(super) fn prepare(&mut self, scene: &Scene<'_>, looks_far: bool) {
-        self.first.resize(scene.cam1.phase.len(), 0);
-        self.count.resize(scene.cam1.phase.len(), 0);
-        let found_for = Some((scene.table.fingerprint, looks_far));
+        self.first.resize(scene.view.cam1.phase.len(), 0);
+        self.count.resize(scene.view.cam1.phase.len(), 0);
+        let found_for = Some((scene.view.table.fingerprint, looks_far));
         if self.found_for == found_for {
             return;
         }
         self.found_for = found_for;
-        let length_px = length_px(scene.table);
-        let near_px = self.near_px(scene.table);
+        let length_px = length_px(scene.view.table);
+        let near_px = self.near_px(scene.view.table);
         let beyond_px = if looks_far { FAR_BEYOND_VOLUME * length_px } else { near_px };
-        let last_column_px = (scene.table.epipolar_size_px()[0] - 1) as f32;
+        let last_column_px = (scene.view.table.epipolar_size_px()[0] - 1) as f32;
         self.reach = Reach { beyond_px, last_column_px };
         // Another table: start again from the usual number of orders.
         self.lanes = 0;
-        self.grow(usual_orders(scene.table, self.reach));
+        self.grow(usual_orders(scene.view.table, self.reach));
     }
 
     /// The reach beyond the volume if nothing is known to lie farther, pixels.

@@ -25,7 +25,7 @@ pub(super) struct DeltaScale {
 
 impl DeltaScale {
     pub(super) fn from_scene(scene: &Scene<'_>) -> Self {
-        let cam1 = scene.cam1;
+        let cam1 = scene.view.cam1;
         let median_grey = median_modulation(&cam1.modulation, &cam1.valid, cam1.width).map_or(1.0, Modulation::grey);
         let sd_turns = (scene.drift.residual_sd_rad / std::f64::consts::TAU) as f32;
         Self { sd_turns, median_grey }
@@ -105,12 +105,12 @@ pub(super) struct SearchRow {
 impl SearchRow {
     /// Loads row `v`.
     pub(super) fn load_row(&mut self, scene: &Scene<'_>, scale: &DeltaScale, v: usize) {
-        let width = scene.cam1.width;
+        let width = scene.view.cam1.width;
         self.v = v;
-        scene.table.row(v, &mut self.segments);
+        scene.view.table.row(v, &mut self.segments);
         scene.drift.along_row(v, width, &mut self.drift);
         self.sd_turns.resize(width, 0.0);
-        let modulation = &scene.cam1.modulation[v * width..(v + 1) * width];
+        let modulation = &scene.view.cam1.modulation[v * width..(v + 1) * width];
         fringeflow_simd::run(Level::in_use(), ScaleRow { scale, modulation, sd_turns: &mut self.sd_turns });
     }
 
@@ -121,13 +121,13 @@ impl SearchRow {
 
     /// The row for the kernels over 32 pixels.
     pub(super) fn block_row<'a>(&'a self, scene: &Scene<'a>, reach: Reach) -> kernels::Row<'a> {
-        let width = scene.cam1.width;
+        let width = scene.view.cam1.width;
         kernels::Row {
-            image: scene.cam2,
+            image: scene.view.cam2,
             segments: &self.segments,
             drift: &self.drift,
             reach,
-            phase: &scene.cam1.phase[self.v * width..(self.v + 1) * width],
+            phase: &scene.view.cam1.phase[self.v * width..(self.v + 1) * width],
             sd_turns: &self.sd_turns,
         }
     }

@@ -74,9 +74,9 @@ impl Selection {
 
     /// Selects the candidate of each undecided pixel that has one of the order given by the paths.
     pub(super) fn select(&mut self, scene: &Scene<'_>, ranges: &OrderRanges, scale: &DeltaScale, order: &[i16]) {
-        let width = scene.cam1.width.max(1);
+        let width = scene.view.cam1.width.max(1);
         let mut scratches = std::mem::take(&mut self.scratches);
-        bands::resize(&mut scratches, scene.cam1.height);
+        bands::resize(&mut scratches, scene.view.cam1.height);
         let bands = self.bands(BAND_ROWS * width).zip(&mut scratches).enumerate();
         bands.for_each(|(band, (mut selected, RowScratch { row, open_count }))| {
             for i in 0..selected.pixels.absolute.len() / width {
@@ -86,10 +86,10 @@ impl Selection {
                 let (order, count) = (&order[pixels.clone()], &ranges.count[pixels.clone()]);
                 let (mut out, places) = selected.row(i, width);
                 out.fill_open(count, open_count);
-                let (out, phase) = (&mut out, &scene.cam1.phase[pixels]);
+                let (out, phase) = (&mut out, &scene.view.cam1.phase[pixels]);
                 let selection = SelectionRow { scene, reach: ranges.reach, row, phase, count: open_count, order, out };
                 fringeflow_simd::run(Level::in_use(), selection);
-                places.find(scene.table, &row.segments, out.column_px);
+                places.find(scene.view.table, &row.segments, out.column_px);
             }
         });
         self.scratches = scratches;
@@ -433,19 +433,19 @@ mod tests {
     fn candidates_of_many_pixels_are_those_of_each_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
+        let (scale, width) = (DeltaScale::from_scene(&scene), scene.view.cam1.width);
         let (mut ranges, mut matching_costs, mut row) =
             (OrderRanges::default(), MatchingCosts::default(), SearchRow::default());
-        let outside = vec![false; scene.cam1.phase.len()];
+        let outside = vec![false; scene.view.cam1.phase.len()];
         ranges.prepare(&scene, false);
         let surfaces = &test_scene.surfaces();
         let input = CostInput { scene: &scene, open: &scene, scale: &scale, surfaces, outside: &outside };
         matching_costs.gather(&input, &mut ranges, &mut Selection::default(), &mut Vec::new());
         let (reach, mut found) = (ranges.reach, 0);
-        for v in 0..scene.cam1.height {
+        for v in 0..scene.view.cam1.height {
             row.load_row(&scene, &scale, v);
             let pixels = v * width..(v + 1) * width;
-            let (count, phase) = (&ranges.count[pixels.clone()], &scene.cam1.phase[pixels.clone()]);
+            let (count, phase) = (&ranges.count[pixels.clone()], &scene.view.cam1.phase[pixels.clone()]);
             let best = matching_costs.best.row(pixels.clone()).place;
             // The best order of most pixels, the next one of some.
             let order: Vec<i16> = (0..width)
@@ -470,12 +470,12 @@ mod tests {
     fn a_confirmed_pixel_has_the_candidate_of_its_order_at_every_level() {
         let test_scene = TestScene::new();
         let scene = test_scene.scene();
-        let (scale, width) = (DeltaScale::from_scene(&scene), scene.cam1.width);
+        let (scale, width) = (DeltaScale::from_scene(&scene), scene.view.cam1.width);
         let (mut ranges, mut row, mut orders) = (OrderRanges::default(), SearchRow::default(), Vec::new());
         ranges.prepare(&scene, false);
         let (surfaces, reach) = (test_scene.surfaces(), ranges.reach);
         let (mut decided, mut other) = (0, 0);
-        for v in 0..scene.cam1.height {
+        for v in 0..scene.view.cam1.height {
             row.load_row(&scene, &scale, v);
             surfaces.fill_orders((v, width), &mut orders);
             let of = |level: Level| {

@@ -51,13 +51,17 @@ impl TestScene {
     /// Its surfaces.
     pub(super) fn surfaces(&self) -> surfaces::Scratch {
         let mut scratch = surfaces::Scratch::default();
-        let view = View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table };
-        surfaces::explain(view, &self.delta, None, &mut scratch, &mut DriftScratch::default());
+        surfaces::explain(self.view(), &self.delta, None, &mut scratch, &mut DriftScratch::default());
         scratch
     }
 
+    /// Its inputs of matching.
+    pub(in crate::correspondence) fn view(&self) -> View<'_> {
+        View { cam1: &self.cam1, cam2: &self.cam2, table: &self.table }
+    }
+
     pub(super) fn scene(&self) -> Scene<'_> {
-        Scene { cam1: &self.cam1, cam2: &self.cam2, table: &self.table, drift: &self.drift }
+        Scene { view: self.view(), drift: &self.drift }
     }
 }
 

@@ -150,7 +150,7 @@ pub(super) fn verify(
     decisions: &mut Decisions<'_>,
     grounds: Option<&mut Vec<Grounds>>,
 ) {
-    let width = scene.cam1.width.max(1);
+    let width = scene.view.cam1.width.max(1);
     scratch.regions.find(width, &selection.absolute, &selection.z, MAX_Z_STEP);
     let mut verification = Verification { scene, width, selection, path_orders, limits };
     verification.measure_regions(scratch, surfaces);
@@ -229,7 +229,7 @@ impl Verification<'_> {
             .filter(|&((&size_px, &large), &is_strip)| is_supported(size_px, large, is_strip))
             .map(|((&size_px, _), _)| u64::from(size_px))
             .sum();
-        let moves_far = moved_rad(self.scene.cam1) >= SURE_MOTION_RAD;
+        let moves_far = moved_rad(self.scene.view.cam1) >= SURE_MOTION_RAD;
         for (((&size_px, &large), &is_strip), &lead_nats) in judged().zip(&*leads_nats) {
             let is_supported = is_supported(size_px, large, is_strip);
             let is_small = f64::from(size_px) <= SURE_SHARE * supported_px as f64;
@@ -266,7 +266,7 @@ impl Verification<'_> {
         if !takes(greatest) {
             return;
         }
-        claims.clear(self.scene.table.epipolar_size_px().iter().product());
+        claims.clear(self.scene.view.table.epipolar_size_px().iter().product());
         for run in &regions.runs.all {
             let nats = foundations_nats[run.set as usize];
             if verdicts[run.set as usize].is_none() && takes(nats) {
@@ -311,7 +311,7 @@ impl Verification<'_> {
             });
         };
         let claim = || {
-            claims.clear(self.scene.table.epipolar_size_px().iter().product());
+            claims.clear(self.scene.view.table.epipolar_size_px().iter().product());
             for run in regions.runs.all.iter().filter(stands) {
                 run.pixels().for_each(|pixel| claims.add(self.claim(pixel, self.selection.places.nearness[pixel])));
             }

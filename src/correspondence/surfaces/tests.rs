@@ -9,17 +9,13 @@ use super::evidence::Sampling;
 use super::order_scores::Gate;
 use super::*;
 
-fn view(scene: &TestScene) -> View<'_> {
-    View { cam1: &scene.cam1, cam2: &scene.cam2, table: &scene.table }
-}
-
 #[test]
 fn nodes_of_a_plane_have_its_orders_at_every_level() {
     let scene = TestScene::new();
     let explained = Level::ALL.map(|level| {
         level.limit_to();
         let mut scratch = Scratch::default();
-        let drift = explain(view(&scene), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
+        let drift = explain(scene.view(), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
         (drift, scratch)
     });
     let [(drift, scratch), others @ ..] = &explained;
@@ -48,7 +44,7 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
     let explained = |known: Option<KnownDrift>| {
         let (mut scratch, known) =
             (Scratch::default(), known.and_then(|known| Drift::from_known(&known, &scene.table)));
-        let drift = explain(view(&scene), &scene.delta, known.as_ref(), &mut scratch, &mut DriftScratch::default());
+        let drift = explain(scene.view(), &scene.delta, known.as_ref(), &mut scratch, &mut DriftScratch::default());
         (drift, scratch.nodes.nodes)
     };
     let (alone, nodes) = explained(None);
@@ -80,10 +76,10 @@ fn a_drift_that_is_known_is_found_again_and_a_wrong_one_changes_nothing() {
 fn nothing_of_a_plane_in_the_volume_sees_outside() {
     let scene = TestScene::new();
     let (mut scratch, mut outside) = (Scratch::default(), Vec::new());
-    let drift = explain(view(&scene), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
-    assert!(!scratch.mark_outside(view(&scene), &drift, 50.0, &mut outside).is_very_far);
+    let drift = explain(scene.view(), &scene.delta, None, &mut scratch, &mut DriftScratch::default());
+    assert!(!scratch.mark_outside(scene.view(), &drift, 50.0, &mut outside).is_very_far);
     assert!(outside.iter().all(|outside| !outside));
-    assert!(!scratch.mask_taken(view(&scene), &drift, &outside, &mut EpipolarImage::default()));
+    assert!(!scratch.mask_taken(scene.view(), &drift, &outside, &mut EpipolarImage::default()));
 }
 
 #[test]
@@ -93,11 +89,11 @@ fn a_plane_behind_the_volume_takes_the_places_that_it_is_seen_in() {
         level.limit_to();
         let (mut scratch, mut outside, mut open) = (Scratch::default(), Vec::new(), EpipolarImage::default());
         let drift = Drift::level(0.0, 0.05);
-        scratch.divide(view(&scene));
+        scratch.divide(scene.view());
         let gate = Gate { cap_turns: 0.05, beyond_turns: 0.0, most_turns: 0.05 };
-        scratch.decide(view(&scene), &drift, gate, Sampling::Many);
-        assert!(scratch.mark_outside(view(&scene), &drift, 1.0, &mut outside).is_far);
-        assert!(scratch.mask_taken(view(&scene), &drift, &outside, &mut open));
+        scratch.decide(scene.view(), &drift, gate, Sampling::Many);
+        assert!(scratch.mark_outside(scene.view(), &drift, 1.0, &mut outside).is_far);
+        assert!(scratch.mask_taken(scene.view(), &drift, &outside, &mut open));
         open.phase
     });
     let with_phase = |phase: &[u16]| phase.iter().filter(|&&phase| phase != EpipolarImage::NO_PHASE).count();
@@ -121,7 +117,7 @@ fn no_node_lies_across_a_seam() {
     }
     cam1.valid.fill(true);
     let mut scratch = Scratch::default();
-    scratch.divide(View { cam1: &cam1, ..view(&scene) });
+    scratch.divide(View { cam1: &cam1, ..scene.view() });
     let (nodes, runs) = (&scratch.nodes, &scratch.runs);
     let absolute = |piece: &nodes::Piece, pixel: usize| {
         (piece.offset + i32::from(runs.relative[pixel])) * 65536 + i32::from(cam1.phase[pixel])

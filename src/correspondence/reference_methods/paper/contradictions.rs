@@ -89,14 +89,14 @@ impl Image<'_> {
             absolute: self.absolute[pixel],
         };
         let mut claims = Claims::default();
-        claims.clear(self.scene.table.epipolar_size_px().iter().product());
+        claims.clear(self.scene.view.table.epipolar_size_px().iter().product());
         self.decided_where(stands).into_iter().for_each(|pixel| claims.add(claim(pixel)));
         pixels.map(|pixel| self.is_decided(pixel) && claims.is_lost(claim(pixel), 0.0)).collect()
     }
 
     /// The places of C2 of the decided pixels.
     fn places(&self) -> Places {
-        let width = self.scene.cam1.width.max(1);
+        let width = self.scene.view.cam1.width.max(1);
         let mut places = Places::default();
         places.resize(self.absolute.len());
         let Places { of_pixels, nearness } = &mut places;
@@ -104,11 +104,11 @@ impl Image<'_> {
         rows.for_each_init(
             || (SegmentRow::default(), Vec::new()),
             |(segments, column_px), (v, (of_pixels, nearness))| {
-                self.scene.table.row(v, segments);
+                self.scene.view.table.row(v, segments);
                 column_px.clear();
                 let column = |u: usize| self.candidate(v * width + u).map_or(0.0, |candidate| candidate.column_px);
                 column_px.extend((0..width).map(column));
-                PlaceRow { of_pixels, nearness }.find(self.scene.table, segments, column_px);
+                PlaceRow { of_pixels, nearness }.find(self.scene.view.table, segments, column_px);
             },
         );
         places

@@ -7,21 +7,15 @@ use fringeflow_base::outcome::Outcome;
 use crate::correspondence::candidates::{Candidate, DeltaGate};
 use crate::correspondence::chosen::ChosenCandidates;
 use crate::correspondence::delta_statistics::DeltaStatistics;
-use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::neighbourhood::{ABSENT, TURN};
 use crate::correspondence::search::Candidates;
-use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::settings::ResolutionSettings;
-use crate::phase::PhaseMap;
+use crate::correspondence::view::View;
 
 /// Inputs of the method.
 #[derive(Clone, Copy)]
 pub(in crate::correspondence) struct Scene<'a> {
-    /// Phase of C1.
-    pub(in crate::correspondence) cam1: &'a PhaseMap,
-    /// Phase of C2 in the epipolar frame.
-    pub(in crate::correspondence) cam2: &'a EpipolarImage,
-    pub(in crate::correspondence) table: &'a SegmentTable,
+    pub(in crate::correspondence) view: View<'a>,
     pub(in crate::correspondence) delta: &'a DeltaStatistics,
     pub(in crate::correspondence) settings: &'a ResolutionSettings,
 }
@@ -50,7 +44,7 @@ impl<'a> Image<'a> {
     /// Collects the candidates by the δ-criterion (2.2: "In a first step all candidates concerning the δ-criterion are
     /// collected"). Nothing is decided yet.
     pub(super) fn new(scene: Scene<'a>, [gate, readmission]: [DeltaGate; 2], candidates: &'a Candidates) -> Self {
-        let pixels = scene.cam1.phase.len();
+        let pixels = scene.view.cam1.phase.len();
         let passing = |pixel: usize| candidates.for_pixel(pixel).iter().filter(|c| gate.passes(c.delta)).count() as u8;
         let passing: Vec<u8> = (0..pixels).into_par_iter().map(passing).collect();
         let outcome = |(pixel, &passing): (usize, &u8)| match (candidates.for_pixel(pixel), passing) {
@@ -79,7 +73,7 @@ impl<'a> Image<'a> {
 
     /// Absolute phase of a candidate of a pixel, turns · 65536.
     pub(super) fn absolute_of(&self, pixel: usize, candidate: &Candidate) -> i32 {
-        i32::from(candidate.order) * TURN + i32::from(self.scene.cam1.phase[pixel])
+        i32::from(candidate.order) * TURN + i32::from(self.scene.view.cam1.phase[pixel])
     }
 
     /// The candidate that a pixel is decided for.
@@ -111,7 +105,7 @@ impl<'a> Image<'a> {
     pub(super) fn chosen(&self) -> ChosenCandidates {
         let mut chosen = ChosenCandidates::default();
         chosen.resize(self.absolute.len());
-        let width = self.scene.cam1.width.max(1);
+        let width = self.scene.view.cam1.width.max(1);
         chosen.rows_mut(width).enumerate().for_each(|(v, mut row)| {
             (0..width).for_each(|u| row.set(u, self.candidate(v * width + u).copied()));
         });

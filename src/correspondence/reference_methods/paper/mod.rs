@@ -40,7 +40,6 @@ use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::search::find_candidates;
 use crate::correspondence::support::{Support, SupportRule};
-use crate::correspondence::view::View;
 
 use contradictions::Precedence;
 use image::Image;
@@ -74,11 +73,11 @@ pub(in crate::correspondence) fn resolve(scene: Scene<'_>) -> Decisions {
     let gate = scene.delta.gate();
     let threshold_turns = (READMISSION * gate.threshold_turns).max(MIN_READMISSION_TURNS);
     let readmission = DeltaGate { threshold_turns, ..gate };
-    let candidates = find_candidates(scene.cam1, scene.cam2, scene.table, &readmission);
+    let candidates = find_candidates(scene.view.cam1, scene.view.cam2, scene.view.table, &readmission);
     let mut image = Image::new(scene, [gate, readmission], &candidates);
     image.resolve();
     let mut outcomes = image.outcomes.clone();
-    explain_missing(View { cam1: scene.cam1, cam2: scene.cam2, table: scene.table }, &mut outcomes, &Pool::default());
+    explain_missing(scene.view, &mut outcomes, &Pool::default());
     Decisions { outcomes, chosen: image.chosen(), passing: image.passing }
 }
 
@@ -127,7 +126,7 @@ impl Image<'_> {
     fn reject_unsupported(&mut self, outcome: Outcome) {
         let mut support = Support::default();
         let rule = SupportRule { min_votes: self.scene.settings.min_votes, tolerance: self.tolerance };
-        support.find(self.scene.cam1, &self.absolute, &self.delta, rule);
+        support.find(self.scene.view.cam1, &self.absolute, &self.delta, rule);
         for pixel in (0..self.absolute.len()).filter(|&pixel| !support.is_supported[pixel]) {
             self.undecide(pixel, outcome);
         }

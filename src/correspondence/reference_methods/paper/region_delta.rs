@@ -45,7 +45,7 @@ impl Image<'_> {
     pub(super) fn divide(&self, tolerance: i32) -> Division {
         let mut regions = Regions::default();
         let delta: Vec<f32> = self.delta.iter().map(|&delta| f32::from(delta)).collect();
-        regions.find(self.scene.cam1.width.max(1), &self.absolute, &delta, tolerance as f32);
+        regions.find(self.scene.view.cam1.width.max(1), &self.absolute, &delta, tolerance as f32);
         let mut of_pixels = vec![u32::MAX; self.absolute.len()];
         regions.runs.all.iter().for_each(|run| of_pixels[run.pixels()].fill(run.set));
         Division { regions, of_pixels }
@@ -54,7 +54,7 @@ impl Image<'_> {
     /// For each region whether its δ is level, as over a right one. Regions below the least size tell too little and
     /// pass.
     pub(super) fn level(&self, division: &Division) -> Vec<bool> {
-        let (width, sizes) = (self.scene.cam1.width, &division.regions.size_px);
+        let (width, sizes) = (self.scene.view.cam1.width, &division.regions.size_px);
         let mut sums = vec![RegionDelta::default(); sizes.len()];
         for run in &division.regions.runs.all {
             let sums = &mut sums[run.set as usize];
@@ -86,7 +86,7 @@ impl Image<'_> {
     /// Whether δ changes steadily along the row or the column of a decided pixel: its least-squares slope over the
     /// pixels of the region around it exceeds calibration error and noise. Too few pixels have no slope.
     pub(super) fn is_steep(&self, division: &Division, pixel: usize) -> bool {
-        let (statistics, width) = (self.scene.delta, self.scene.cam1.width);
+        let (statistics, width) = (self.scene.delta, self.scene.view.cam1.width);
         let of_calibration_rad = MAX_CHANGE_OVER_IMAGE_SD * statistics.sd_rad / width as f64;
         let limit = (of_calibration_rad + STEEP_NOISE_SD * statistics.noise_sd_rad) / TAU * f64::from(TURN);
         [1, width as isize].into_iter().any(|stride| {

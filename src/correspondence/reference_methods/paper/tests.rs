@@ -10,6 +10,7 @@ use crate::correspondence::reference_methods::{ReferenceMatch, match_along_epipo
 use crate::correspondence::search::Candidates;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::settings::ResolutionSettings;
+use crate::correspondence::view::View;
 use crate::geometry::{MeasurementVolume, Point3, Pose};
 use crate::phase::{AbsolutePhase, PhaseMap};
 
@@ -41,7 +42,7 @@ impl Seen {
 
     fn scene(&self) -> Scene<'_> {
         let Self { cam1, cam2, table, delta, settings, .. } = self;
-        Scene { cam1, cam2, table, delta, settings }
+        Scene { view: View { cam1, cam2, table }, delta, settings }
     }
 
     fn gates(&self) -> [DeltaGate; 2] {

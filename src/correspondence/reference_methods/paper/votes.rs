@@ -136,7 +136,7 @@ impl Image<'_> {
 
     /// Marks the pixels whose walks may reach a pixel.
     pub(super) fn mark_within_reach(&self, pixel: usize, marked: &mut [bool]) {
-        let [width, height] = [self.scene.cam1.width, self.scene.cam1.height];
+        let [width, height] = [self.scene.view.cam1.width, self.scene.view.cam1.height];
         let (u, v) = (pixel % width, pixel / width);
         let columns = u.saturating_sub(FAR)..(u + FAR + 1).min(width);
         marked[v * width..][columns].fill(true);
@@ -151,7 +151,7 @@ impl Image<'_> {
     }
 
     fn sides(&self, directions: Directions) -> &'static [Side] {
-        match (directions, self.scene.table.epipolar_axis()) {
+        match (directions, self.scene.view.table.epipolar_axis()) {
             (Directions::AlongAndAcross, _) => &Side::ALL,
             (Directions::Along, EpipolarAxis::Horizontal) => &[Side::Left, Side::Right],
             (Directions::Along, EpipolarAxis::Vertical) => &[Side::Above, Side::Below],
@@ -163,7 +163,7 @@ impl Image<'_> {
     fn find_proposals(&self, pixel: usize, sides: &[Side], proposals: &mut Vec<Proposal>) {
         proposals.clear();
         for &side in sides {
-            walk(self.scene.cam1, pixel, side, FAR, |met, rise| {
+            walk(self.scene.view.cam1, pixel, side, FAR, |met, rise| {
                 if self.is_decided(met) {
                     proposals.push(Proposal { absolute: self.absolute[met] - rise, delta: self.delta[met] });
                 }
@@ -175,7 +175,7 @@ impl Image<'_> {
     pub(super) fn supporting_sides(&self, pixel: usize) -> usize {
         let has_support = |&&side: &&Side| {
             let mut has = false;
-            walk(self.scene.cam1, pixel, side, NEAR, |met, rise| {
+            walk(self.scene.view.cam1, pixel, side, NEAR, |met, rise| {
                 has |= self.is_decided(met)
                     && self.absolute[met] - rise == self.absolute[pixel]
                     && self.gate.passes(self.delta[met]);
