@@ -1,5 +1,5 @@
-//! Kernels, and the choice of the level at which one runs. Here alone is code called for instructions that a processor may
-//! lack, after checking that it has them.
+//! Kernels, and the choice of the level at which one runs. Only here is code called that needs instructions which a
+//! processor may lack, after checking that it has them.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx512::Avx512;
