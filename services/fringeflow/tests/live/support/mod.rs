@@ -22,7 +22,7 @@ pub(crate) use live::{Live, send};
 pub(crate) const NAME: &str = "t";
 
 /// Fails a test that hangs.
-const TIMEOUT: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(300);
 /// Pause between two looks at a condition.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
