@@ -3,13 +3,13 @@
 
 use std::f64::consts::TAU;
 
+use fringeflow_base::false_candidates::{THRESHOLD_SD, expected_false_candidates, expected_unique_percent};
+
 use super::candidates::DeltaGate;
 use super::neighbourhood::TURN;
 
 /// Least accepted sd, turns (0.003 rad): rounding alone makes more.
 pub(super) const MIN_SD_TURNS: f64 = 0.0005;
-/// Factor from sd to the threshold (paper, section 2.1).
-const THRESHOLD_SD: f64 = 3.0;
 /// sd of δ beyond which images or calibration are wrong, rad.
 const SUSPICIOUS_SD_RAD: f64 = 0.15;
 /// Tolerated difference of δ between neighbours, in sd of that difference.
@@ -58,10 +58,16 @@ impl DeltaStatistics {
         self.sd_rad > SUSPICIOUS_SD_RAD
     }
 
-    /// Expected number of additional false candidates per true one (paper, Eq. 1): efc = 3·sd·(n − 1)/π.
+    /// Expected number of additional false candidates per true one, efc (paper, Eq. 1).
     #[must_use]
     pub fn expected_false_candidates(&self) -> f64 {
-        THRESHOLD_SD * self.sd_rad * (self.mean_periods - 1.0).max(0.0) / (0.5 * TAU)
+        expected_false_candidates(self.sd_rad, self.mean_periods)
+    }
+
+    /// Expected percentage of unique correspondences, puc (paper, 2.2.1).
+    #[must_use]
+    pub fn expected_unique_percent(&self) -> f64 {
+        expected_unique_percent(self.expected_false_candidates())
     }
 }
 
@@ -96,17 +102,4 @@ impl DeltaSums {
 pub(super) fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
     let each = deltas.iter().map(|&delta| DeltaSums::new(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2)));
     each.fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn efc_is_equation_1_of_the_paper() {
-        // The paper's own figures: n = 6, sd = 0.041, efc = 0.20.
-        let statistics =
-            DeltaStatistics { mean_rad: 0.0, sd_rad: 0.041, noise_sd_rad: 0.005, mean_periods: 6.0, references: 0 };
-        assert!((statistics.expected_false_candidates() - 0.20).abs() < 0.005);
-    }
 }

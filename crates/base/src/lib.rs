@@ -1,4 +1,4 @@
-//! Shared by all other crates: grey levels, limits, outcomes of pixels, atomic writes, PNG encoding.
+//! Shared by all other crates: grey levels, limits, outcomes of pixels, Eq. (1), atomic writes, PNG encoding.
 //!
 //! ```text
 //! base ◄── message ◄── transport ◄── services
@@ -18,6 +18,7 @@
 #![forbid(unsafe_code)]
 
 pub mod atomic_file;
+pub mod false_candidates;
 pub mod grey;
 pub mod limits;
 pub mod outcome;

@@ -97,10 +97,25 @@ impl OutcomeCounts {
         Self(Outcome::ALL.map(|o| by_code.iter().map(|counts| counts[o as usize]).sum()))
     }
 
+    /// Counts by the code of the outcome, as messages hold them.
+    #[must_use]
+    pub fn from_codes(by_code: &[u64]) -> Self {
+        Self(Outcome::ALL.map(|outcome| by_code.get(outcome as usize).copied().unwrap_or_default()))
+    }
+
     /// Number of pixels with an outcome.
     #[must_use]
     pub fn get(&self, outcome: Outcome) -> u64 {
         self.iter().find(|&(o, _)| o == outcome).map_or(0, |(_, n)| n)
+    }
+
+    /// Percentage of unique correspondences (puc; paper, 2.2.1): points whose pixel had no other candidate to choose
+    /// from, among all points. `None` without points, and for Gray code, which has no candidates.
+    #[must_use]
+    pub fn unique_percent(&self) -> Option<f64> {
+        let unique = self.get(Outcome::Reference) + self.get(Outcome::Unique);
+        let points = unique + self.get(Outcome::AlongEpipolar) + self.get(Outcome::AcrossEpipolar);
+        (points > 0).then(|| 100.0 * unique as f64 / points as f64)
     }
 
     /// All outcomes with their counts.

@@ -40,6 +40,8 @@ mod truth;
 mod write;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use fringeflow::calibration::{self, Unit};
 use fringeflow_base::grey::PixelFormat;
@@ -85,7 +87,12 @@ pub struct Dataset {
     pub setup: Setup,
     /// Bit depth of all images: that of `meta.json`, or else that of the first file.
     pub pixel_format: PixelFormat,
+    images_read: ImageCounter,
 }
+
+/// Number of images read from each camera. Clones of a dataset share it.
+#[derive(Clone, Debug, Default)]
+struct ImageCounter(Arc<[AtomicU64; 2]>);
 
 /// Name of the calibration file in a dataset folder.
 pub const CALIBRATION_FILE: &str = "calibration.yml";
@@ -115,13 +122,24 @@ impl Dataset {
         if setup.name.is_empty() {
             setup.name = folder_name(folder);
         }
-        let mut dataset = Self { folder: folder.to_owned(), setup, pixel_format: PixelFormat::Grey };
+        let mut dataset = Self {
+            folder: folder.to_owned(),
+            setup,
+            pixel_format: PixelFormat::Grey,
+            images_read: ImageCounter::default(),
+        };
         dataset.check_images()?;
         let first = folder.join(CameraId::Cam1.folder()).join(ImageKind::Phase(0).file_name());
         // An error in this file is reported when the image is read.
         let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
         dataset.pixel_format = stated.unwrap_or_default();
         Ok(dataset)
+    }
+
+    /// Number of images of a camera that were read since the folder was opened.
+    #[must_use]
+    pub fn images_read(&self, camera: CameraId) -> u64 {
+        self.images_read.0[camera as usize].load(Ordering::Relaxed)
     }
 
     /// Reads phase images by number, in the order given.
@@ -163,7 +181,7 @@ impl Dataset {
         if !(white.exists() && black.exists()) {
             return Ok(None);
         }
-        Ok(Some((self.image(&white)?, self.image(&black)?)))
+        Ok(Some((self.image(camera, &white)?, self.image(camera, &black)?)))
     }
 
     /// Reads `truth.npz`; `None` if the folder has none.
@@ -199,11 +217,14 @@ impl Dataset {
                 DatasetError::new(&missing, Problem::MissingImage)
             })
         };
-        numbers.iter().map(|n| find(n).and_then(|path| self.image(path))).collect()
+        numbers.iter().map(|n| find(n).and_then(|path| self.image(camera, path))).collect()
     }
 
-    fn image(&self, path: &Path) -> Result<GreyImage, DatasetError> {
-        read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)).map_err(|p| DatasetError::new(path, p))
+    fn image(&self, camera: CameraId, path: &Path) -> Result<GreyImage, DatasetError> {
+        let image = read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format));
+        let image = image.map_err(|p| DatasetError::new(path, p))?;
+        self.images_read.0[camera as usize].fetch_add(1, Ordering::Relaxed);
+        Ok(image)
     }
 
     /// Checks that every sequence has exactly the images that `meta.json` states.

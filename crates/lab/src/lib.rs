@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!  simulation ─► dataset, images, truth ─► (the method) ─► cloud ─► evaluation ─► com, miss, fpc, 3D error
+//!  paper_experiment: the tables of the paper, measured with both
 //!  rig_report: what a rig can be expected to do       preview: pictures of phase, depth, decisions and δ
 //! ```
 //!
@@ -19,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 pub mod evaluation;
+pub mod paper_experiment;
 pub mod preview;
 pub mod rig_report;
 pub mod simulation;

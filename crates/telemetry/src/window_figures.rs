@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use serde::Serialize;
 
-use fringeflow_base::outcome::Outcome;
+use fringeflow_base::false_candidates::expected_unique_percent;
+use fringeflow_base::outcome::{Outcome, OutcomeCounts};
 use fringeflow_message::{DELTA_PARTS, DriftReport, Fit, WindowReport};
 
 use super::HealthFigures;
@@ -22,6 +23,10 @@ pub struct WindowFigures {
     pub n: f64,
     /// Expected false candidates for each true one (paper, Eq. 1).
     pub efc: f64,
+    /// Percentage of unique correspondences to expect from efc (paper, 2.2.1).
+    pub puc_predicted: f64,
+    /// Percentage of the points whose pixel had a single candidate; `None` without points.
+    pub puc: Option<f64>,
     /// Drift of the calibration; `None` if the resolution does not measure it.
     pub drift: Option<DriftFigures>,
     /// Outcomes of the pixels.
@@ -132,6 +137,8 @@ impl WindowFigures {
             thr_rad: report.delta_threshold_rad,
             n: report.mean_periods,
             efc: report.expected_false_candidates,
+            puc_predicted: expected_unique_percent(report.expected_false_candidates),
+            puc: OutcomeCounts::from_codes(&report.outcomes).unique_percent(),
             drift: report.drift.measured().map(DriftFigures::from_drift),
             outcomes: Shares::from_report(report),
             delta_mean_rad: report.delta_mean_rad,
@@ -252,6 +259,7 @@ mod tests {
         let Shares { unique, decided, undecided, rejected, nothing } = figures.outcomes;
         assert_eq!([unique, decided, undecided, rejected, nothing], [60.0, 20.0, 5.0, 5.0, 10.0]);
         assert_eq!((figures.points, figures.residual), (80, [Some(0.0), None]));
+        assert_eq!((figures.puc, figures.puc_predicted), (Some(75.0), 100.0));
         assert!((figures.valid[0] - 100.0 * 100.0 / 1100.0).abs() < 1e-9);
     }
 
@@ -259,6 +267,6 @@ mod tests {
     fn an_empty_report_has_finite_figures() {
         let figures = WindowFigures::from_report(&WindowReport::default());
         assert_eq!(figures.outcomes, Shares::default());
-        assert_eq!(figures.valid, [0.0; 2]);
+        assert_eq!((figures.valid, figures.puc), ([0.0; 2], None));
     }
 }

@@ -42,8 +42,8 @@ impl Method {
                 let proposed = proposed.reconstruct(input)?;
                 Ok(MethodOutput { cloud: proposed.reconstruction.cloud.clone(), proposed: Some(proposed) })
             }
-            Self::Egc => Ok(reference(egc(input.folder()?)?)),
-            Self::Cgc => Ok(reference(cgc(input.folder()?)?)),
+            Self::Egc => Ok(reference(egc(input.folder()?, None)?)),
+            Self::Cgc => Ok(reference(cgc(input.folder()?, None)?)),
         }
     }
 }

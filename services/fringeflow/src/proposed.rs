@@ -51,6 +51,9 @@ pub(crate) struct MeasuringArgs {
     /// Use no prior: ignore what earlier windows showed of motion and scene.
     #[arg(long)]
     pub(crate) no_prior: bool,
+    /// Standard deviation of δ that is taken as known.
+    #[arg(skip)]
+    known_sd_rad: Option<f64>,
     /// Method that decides pixels with several candidates. paper is a slow reference. The default is that of the
     /// configuration, else semi-global.
     #[arg(long, value_name = "METHOD", value_parser = one_of(&ResolutionMethod::ALL, ResolutionMethod::name))]
@@ -79,9 +82,10 @@ impl ProposedArgs {
         Self { measuring, ..Self::default() }
     }
 
-    /// Default options with the resolution of these options.
-    pub(crate) fn resolution_only(&self) -> Self {
-        self.measuring.resolution.map_or_else(Self::default, Self::with_resolution)
+    /// These options with a known standard deviation of δ, rad.
+    pub(crate) fn with_known_sd(mut self, sd_rad: f64) -> Self {
+        self.measuring.known_sd_rad = Some(sd_rad);
+        self
     }
 
     /// Reconstructs an input.
@@ -224,6 +228,9 @@ impl MeasuringArgs {
         let mut configuration = read_configuration(self.config.as_deref(), input)?;
         if let Some(method) = self.resolution {
             configuration.settings.matching.method = method;
+        }
+        if self.known_sd_rad.is_some() {
+            configuration.settings.matching.delta_sd_rad = self.known_sd_rad;
         }
         if let Some(min_confidence) = self.min_confidence {
             configuration.settings.matching.min_confidence = min_confidence;

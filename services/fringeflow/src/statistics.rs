@@ -33,8 +33,10 @@ pub(crate) struct Statistics {
     pub(crate) drift: Option<DriftFigures>,
     /// Candidates per point that passed the test besides the chosen one.
     pub(crate) efc_measured: f64,
-    /// Share of the points whose pixel had a single candidate, percent.
-    pub(crate) unique_percent: f64,
+    /// Expected percentage of unique correspondences (paper, 2.2.1): puc, from `efc_predicted`.
+    pub(crate) puc_predicted: f64,
+    /// Percentage of the points whose pixel had a single candidate; `None` without points.
+    pub(crate) puc_measured: Option<f64>,
     /// Median fit residual ÷ modulation of C1 and C2; `None` for three steps.
     pub(crate) fit_residual_share: [Option<f32>; 2],
     /// Noise of C1 and C2, grey levels.
@@ -88,6 +90,8 @@ pub(crate) struct DriftFigures {
     pub(crate) beyond_limit: bool,
     /// efc of Eq. (1) with the residual sd.
     pub(crate) efc: f64,
+    /// Expected percentage of unique correspondences for this efc.
+    pub(crate) puc: f64,
     /// Quantities beyond their limits: the cloud may hold false points.
     pub(crate) doubts: Vec<Doubt>,
 }
@@ -110,7 +114,7 @@ impl Statistics {
         let (matches, points) = (&reconstruction.matches, &reconstruction.cloud.points);
         let point_count = points.len().max(1) as f64;
         let additional: u64 = points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
-        let unique = points.iter().filter(|p| p.candidates == 1).count();
+        let counts = OutcomeCounts::from_outcomes(&matches.outcomes);
         Self {
             mean_periods: matches.delta.mean_periods,
             delta_mean_rad: matches.delta.mean_rad,
@@ -127,6 +131,7 @@ impl Statistics {
                 limit_rad: drift_limit_rad,
                 beyond_limit: drift.explains_most_pixels() && drift.rms_rad > drift_limit_rad,
                 efc: drift.residual_statistics(&matches.delta).expected_false_candidates(),
+                puc: drift.residual_statistics(&matches.delta).expected_unique_percent(),
                 doubts: [
                     (Quantity::DeltaNoise, drift.residual_sd_rad),
                     (Quantity::Unexplained, 1.0 - drift.share),
@@ -138,7 +143,8 @@ impl Statistics {
                 .collect(),
             }),
             efc_measured: additional as f64 / point_count,
-            unique_percent: 100.0 * unique as f64 / point_count,
+            puc_predicted: matches.delta.expected_unique_percent(),
+            puc_measured: counts.unique_percent(),
             fit_residual_share: [reconstruction.cam1.fit.residual_share, reconstruction.cam2.fit.residual_share],
             noise_grey: [reconstruction.cam1.fit.noise_grey, reconstruction.cam2.fit.noise_grey],
             motion: reconstruction
@@ -147,7 +153,7 @@ impl Statistics {
                 .zip(reconstruction.cam2.motion)
                 .map(|(a, b)| [a, b].map(|motion| MotionFigures::from_motion(&motion))),
             slip_steps: matches.slip_steps,
-            pixels: OutcomeCounts::from_outcomes(&matches.outcomes)
+            pixels: counts
                 .iter()
                 .filter(|&(outcome, _)| outcome != Outcome::GrayCode)
                 .map(|(outcome, count)| (outcome.name(), count))
@@ -173,8 +179,8 @@ impl fmt::Display for Statistics {
         if let Some(drift) = &self.drift {
             writeln!(
                 f,
-                "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}",
-                drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc
+                "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}, puc {:.2} %",
+                drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc, drift.puc
             )?;
             for Doubt { value, limit, kind, .. } in &drift.doubts {
                 writeln!(
@@ -220,8 +226,12 @@ impl fmt::Display for Statistics {
         }
         writeln!(
             f,
-            "efc {:.3} predicted by Eq. (1), {:.3} measured; {:.2} % of the points had a single candidate",
-            self.efc_predicted, self.efc_measured, self.unique_percent
+            "efc {:.3} predicted by Eq. (1), {:.3} measured; puc {:.2} % predicted, {:.2} % of the points had a single \
+             candidate",
+            self.efc_predicted,
+            self.efc_measured,
+            self.puc_predicted,
+            self.puc_measured.unwrap_or_default()
         )?;
         for outcome in Outcome::ALL {
             if let Some(count) = self.pixels.get(outcome.name()) {

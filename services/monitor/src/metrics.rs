@@ -151,6 +151,10 @@ fn write_window(out: &mut MetricWriter<'_>, window: Option<&WindowFigures>) -> R
     out.gauge("delta_median_radians", "Median of delta over the chosen candidates.", figure(|w| w.delta_median_rad))?;
     out.gauge("segment_periods", "Mean number n of fringe periods on an epipolar segment.", figure(|w| w.n))?;
     out.gauge("expected_false_candidates", "Expected false candidates for each true one, efc.", figure(|w| w.efc))?;
+    let puc_predicted = figure(|w| w.puc_predicted / 100.0);
+    out.gauge("expected_unique_share", "Expected share of unique correspondences, puc, from efc.", puc_predicted)?;
+    let puc = figure(|w| w.puc.map_or(f64::NAN, |percent| percent / 100.0));
+    out.gauge("unique_share", "Share of the points whose pixel had a single candidate, puc.", puc)?;
     write_drift(out, window.and_then(|w| w.drift.as_ref()))?;
     out.gauge("cloud_points", "Pixels of the last window with a correspondence.", figure(|w| w.points as f64))?;
     let percent = window.map_or(Shares::NOT_A_NUMBER, |w| w.outcomes);

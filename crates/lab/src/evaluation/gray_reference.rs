@@ -42,6 +42,14 @@ pub enum GrayReferenceError {
         /// The missing data.
         what: &'static str,
     },
+    /// The phase images cannot be thinned out evenly.
+    #[error("--steps {steps}: {count} images cannot be thinned out evenly; give a divisor of {count}")]
+    Steps {
+        /// The wanted number.
+        steps: usize,
+        /// Number of phase images.
+        count: usize,
+    },
     /// The images cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
@@ -56,18 +64,29 @@ pub enum GrayReferenceError {
     Match(#[from] MatchError),
 }
 
+/// A fringe direction.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Direction {
+    /// Along the columns of the projector.
+    First,
+    /// Along its rows.
+    Second,
+}
+
 /// Wrapped and absolute phase of one camera and direction.
 struct DecodedPhase {
     wrapped: PhaseMap,
     absolute: AbsolutePhase,
 }
 
-/// Computes the cloud by full Gray code with epipolar lines (EGC).
+/// Computes the cloud by full Gray code with epipolar lines (EGC), from all phase images, or from `steps` of them,
+/// evenly spaced.
 ///
 /// # Errors
-/// The dataset has no Gray code, unusable images, or an unusable rig.
-pub fn egc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
-    let [cam1, cam2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
+/// The dataset has no Gray code, unusable images, or an unusable rig, or `steps` does not divide the number of images.
+pub fn egc(dataset: &Dataset, steps: Option<usize>) -> Result<Cloud, GrayReferenceError> {
+    let decode = |camera| decode(dataset, camera, Direction::First, steps);
+    let [cam1, cam2] = [decode(CameraId::Cam1)?, decode(CameraId::Cam2)?];
     let matches =
         match_along_epipolar_lines(&dataset.setup.rig, &cam1.absolute, &cam2.absolute, volume(dataset).as_ref());
     cloud(dataset, &cam1.wrapped, matches)
@@ -78,13 +97,15 @@ fn volume(dataset: &Dataset) -> Option<MeasurementVolume> {
     dataset.setup.volume.as_ref().map(|volume| volume.enlarged(VOLUME_MARGIN))
 }
 
-/// Computes the cloud by full Gray code in two fringe directions (CGC).
+/// Computes the cloud by full Gray code in two fringe directions (CGC), from all phase images, or from `steps` of them
+/// in each direction.
 ///
 /// # Errors
 /// As [`egc`], or the dataset has no second fringe direction.
-pub fn cgc(dataset: &Dataset) -> Result<Cloud, GrayReferenceError> {
-    let [columns1, columns2] = [decode(dataset, CameraId::Cam1, false)?, decode(dataset, CameraId::Cam2, false)?];
-    let [rows1, rows2] = [decode(dataset, CameraId::Cam1, true)?, decode(dataset, CameraId::Cam2, true)?];
+pub fn cgc(dataset: &Dataset, steps: Option<usize>) -> Result<Cloud, GrayReferenceError> {
+    let decode = |direction, camera| decode(dataset, camera, direction, steps);
+    let [columns1, columns2] = [decode(Direction::First, CameraId::Cam1)?, decode(Direction::First, CameraId::Cam2)?];
+    let [rows1, rows2] = [decode(Direction::Second, CameraId::Cam1)?, decode(Direction::Second, CameraId::Cam2)?];
     let cam1 = [&columns1.absolute, &rows1.absolute];
     let cam2 = [&columns2.absolute, &rows2.absolute];
     cloud(dataset, &columns1.wrapped, match_both_directions(&dataset.setup.rig, cam1, cam2, None))
@@ -98,30 +119,52 @@ fn cloud(
     Ok(reference_cloud(&dataset.setup.rig, &dataset.setup.sequence.pattern, cam1, &matches?, MATCH_SD_PX))
 }
 
-fn decode(dataset: &Dataset, camera: CameraId, second_direction: bool) -> Result<DecodedPhase, GrayReferenceError> {
-    let sequence = sequence(dataset, second_direction)?;
+fn decode(
+    dataset: &Dataset,
+    camera: CameraId,
+    direction: Direction,
+    steps: Option<usize>,
+) -> Result<DecodedPhase, GrayReferenceError> {
+    let sequence = sequence(dataset, direction)?;
     let code = sequence.gray.ok_or_else(|| missing(dataset, "Gray code (field gray of meta.json)"))?;
-    let wrapped = wrapped_phase(dataset, camera, second_direction, sequence)?;
-    let absolute = absolute_phase(dataset, camera, second_direction, sequence, &code, &wrapped)?;
+    let numbers = phase_numbers(dataset, direction, sequence.shifts_rad.len(), steps)?;
+    let wrapped = wrapped_phase(dataset, camera, direction, sequence, &numbers)?;
+    let absolute = absolute_phase(dataset, camera, direction, sequence, &code, &wrapped)?;
     Ok(DecodedPhase { wrapped, absolute })
+}
+
+/// Numbers of the phase images to use, of `available` ones.
+fn phase_numbers(
+    dataset: &Dataset,
+    direction: Direction,
+    available: usize,
+    steps: Option<usize>,
+) -> Result<Vec<usize>, GrayReferenceError> {
+    // For a moving object, use the images around the moment of the Gray code.
+    let numbers = match (&dataset.setup.motion, direction) {
+        (Some(_), Direction::First) => dataset.setup.reference_images(dataset.setup.steps),
+        _ => 0..available,
+    };
+    let count = numbers.len();
+    let steps = steps.unwrap_or(count);
+    if steps == 0 || !count.is_multiple_of(steps) {
+        return Err(GrayReferenceError::Steps { steps, count });
+    }
+    Ok(numbers.step_by(count / steps).collect())
 }
 
 fn wrapped_phase(
     dataset: &Dataset,
     camera: CameraId,
-    second_direction: bool,
+    direction: Direction,
     sequence: &FringeSequence,
+    numbers: &[usize],
 ) -> Result<PhaseMap, GrayReferenceError> {
-    // For a moving object, use the images around the moment of the Gray code.
-    let numbers: Vec<usize> = match (&dataset.setup.motion, second_direction) {
-        (Some(_), false) => dataset.setup.reference_images(dataset.setup.steps).collect(),
-        _ => (0..sequence.shifts_rad.len()).collect(),
-    };
     let shifts_rad: Vec<f64> = numbers.iter().filter_map(|&n| sequence.shifts_rad.get(n).copied()).collect();
     let shifts = PhaseShifts::new(&shifts_rad)?;
-    let images = match second_direction {
-        false => dataset.phase_images(camera, &numbers)?,
-        true => dataset.second_phase_images(camera, &numbers)?,
+    let images = match direction {
+        Direction::First => dataset.phase_images(camera, numbers)?,
+        Direction::Second => dataset.second_phase_images(camera, numbers)?,
     };
     let [width, height] = dataset.setup.image_size_px;
     let map = phase::decode(&GreyImage::levels_of(&images), width, height, &shifts, &VALIDITY);
@@ -131,7 +174,7 @@ fn wrapped_phase(
 fn absolute_phase(
     dataset: &Dataset,
     camera: CameraId,
-    second_direction: bool,
+    direction: Direction,
     sequence: &FringeSequence,
     code: &GrayCode,
     wrapped: &PhaseMap,
@@ -141,15 +184,17 @@ fn absolute_phase(
         Some((white, black)) => Threshold::WhiteAndBlack(white.levels(), black.levels()),
         None => Threshold::MeanOfPhaseImages,
     };
-    let images = dataset.gray_images(camera, second_direction)?;
+    let images = dataset.gray_images(camera, direction == Direction::Second)?;
     Ok(decode_gray_code(wrapped, &sequence.pattern, code, &GreyImage::levels_of(&images), threshold, NOISE_GREY)?)
 }
 
-fn sequence(dataset: &Dataset, second_direction: bool) -> Result<&FringeSequence, GrayReferenceError> {
-    match (second_direction, &dataset.setup.second_direction) {
-        (false, _) => Ok(&dataset.setup.sequence),
-        (true, Some(second)) => Ok(second),
-        (true, None) => Err(missing(dataset, "second fringe direction (field second_direction of meta.json)")),
+fn sequence(dataset: &Dataset, direction: Direction) -> Result<&FringeSequence, GrayReferenceError> {
+    match (direction, &dataset.setup.second_direction) {
+        (Direction::First, _) => Ok(&dataset.setup.sequence),
+        (Direction::Second, Some(second)) => Ok(second),
+        (Direction::Second, None) => {
+            Err(missing(dataset, "second fringe direction (field second_direction of meta.json)"))
+        }
     }
 }
 

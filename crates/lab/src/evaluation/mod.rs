@@ -15,7 +15,6 @@ mod frames;
 mod gray_reference;
 mod interior;
 mod moved_truth;
-mod paper_tables;
 mod pixel_grid;
 mod reference_data;
 mod reliability;
@@ -28,10 +27,7 @@ pub use against_cloud::against_cloud;
 pub use against_rendered::{against_rendered, against_rendered_at};
 pub use frames::Frames;
 pub use gray_reference::{GrayReferenceError, cgc, egc};
-pub use paper_tables::{
-    CompletenessRow, PAPER_TABLE_1, PAPER_TABLE_2, SequenceRow, completeness_table, sequence_table,
-};
-pub use reference_data::limit_to_gray_code;
+pub use reference_data::{gray_reference_data, limit_to_gray_code};
 pub use reliability::{ReliabilityPart, reliability};
 pub use scores::Scores;
 pub use simulated_dataset::SimulatedDatasetError;

@@ -2,10 +2,11 @@
 //! 3).
 
 use fringeflow::cloud::Cloud;
+use fringeflow::geometry::MeasurementVolume;
 use fringeflow_dataset::RenderedTruth;
 
-use super::EvaluationError;
-use super::pixel_grid::{PixelGrid, is_close, pixel};
+use super::pixel_grid::{PixelGrid, is_close, pixel, point};
+use super::{EvaluationError, MAX_REFERENCE_RESIDUAL_RAD};
 
 /// Limits the references of `truth` to measurable pixels at which the Gray-code reference agrees with the truth within
 /// [`super::TOLERANCE_PX`]. `gray` is its cloud. All other points of `gray` go to `gray_cam2_px`. The images of C1 have
@@ -33,6 +34,18 @@ pub fn limit_to_gray_code(
     };
     let gray_cam2_px = Some(reference.iter().enumerate().map(elsewhere).collect());
     Ok(RenderedTruth { reference, gray_cam2_px, ..truth })
+}
+
+/// The reference data RD of the paper for any scene: the correspondences of `gray`, a cloud of a Gray-code method, in the
+/// measurement volume and with a back-projection residual of at most [`MAX_REFERENCE_RESIDUAL_RAD`]. Beyond it the pixel
+/// mixes two surfaces, or its Gray code is wrong.
+#[must_use]
+pub fn gray_reference_data(mut gray: Cloud, volume: &MeasurementVolume) -> Cloud {
+    gray.points.retain(|point_of_gray| {
+        let is_reliable = point_of_gray.delta_rad.abs() <= MAX_REFERENCE_RESIDUAL_RAD;
+        is_reliable && volume.contains(&point(point_of_gray.position_m, 1.0))
+    });
+    gray
 }
 
 #[cfg(test)]

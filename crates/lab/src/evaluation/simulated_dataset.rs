@@ -47,6 +47,6 @@ impl Simulation {
         let resting = self.at_rest().map(|resting| resting.write_images(folder, || ())).transpose()?;
         let dataset = resting.as_ref().unwrap_or(writer).unfinished().map_err(SimulationError::from)?;
         let [cam1, _] = self.views();
-        Ok(limit_to_gray_code(self.truth().clone(), &egc(&dataset)?, [cam1.width, cam1.height])?)
+        Ok(limit_to_gray_code(self.truth().clone(), &egc(&dataset, None)?, [cam1.width, cam1.height])?)
     }
 }

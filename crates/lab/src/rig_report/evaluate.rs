@@ -1,11 +1,10 @@
 //! Evaluates a rig over a grid of pixels, row by row.
 
-use std::f64::consts::PI;
-
 use rayon::prelude::*;
 use serde::Serialize;
 
 use fringeflow::geometry::Pixel;
+use fringeflow_base::false_candidates::{expected_false_candidates, expected_unique_percent};
 
 use super::comb::{self, Cases, Comb, Tally};
 use super::deviation::{self, Deviation, PixelDeviation};
@@ -38,6 +37,8 @@ pub struct Evaluation {
     pub deviation: Deviation,
     /// Expected false candidates per true one on arbitrary surfaces, 3·sd·(n − 1)/π (paper, Eq. 1).
     pub efc: f64,
+    /// Expected percentage of unique correspondences (paper, 2.2.1).
+    pub puc_percent: f64,
     /// Wrong fringe orders that survive on flat surfaces.
     pub comb: Comb,
     /// Periods n over the grid.
@@ -104,9 +105,11 @@ pub(super) fn evaluate(
     let comb = comb::summary(&total, setup.rig.projector_place_on_base()).ok_or(nothing)?;
 
     let map = |values| PixelMap { width: grid[0].len(), height: grid.len(), values };
+    let efc = expected_false_candidates(deviation.sd_rad, periods.mean);
     Ok(Evaluation {
         grid_step_px,
-        efc: efc(deviation.sd_rad, periods.mean),
+        efc,
+        puc_percent: expected_unique_percent(efc),
         periods_map: map(basics.iter().map(|b| b.1.map(|p| p.seen)).collect()),
         survivors_map: map(tallies.iter().map(|t| t.as_ref().and_then(Tally::survivors)).collect()),
         periods,
@@ -119,11 +122,6 @@ fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel:
     let Some(segment) = Segment::new(setup, pixel) else { return (None, None, None) };
     let periods = segment::periods(setup, &segment, surface);
     (Some(segment), periods, deviation::at(setup, assumptions, &segment))
-}
-
-/// Expected false candidates per true one (paper, Eq. 1); 0 if a segment has less than one period.
-fn efc(sd_rad: f64, n: f64) -> f64 {
-    (3.0 * sd_rad * (n - 1.0) / PI).max(0.0)
 }
 
 /// Maps all cells of a grid, with rows in parallel. The results are in the order of the cells.

@@ -1,6 +1,6 @@
 //! Simulates a whole fringe sequence of the virtual scanner, as a dataset folder.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use serde_json::json;
@@ -8,6 +8,7 @@ use serde_json::json;
 use fringeflow::calibration::Unit;
 use fringeflow::geometry::Readout;
 use fringeflow::phase::GrayCode;
+use fringeflow_base::false_candidates::expected_false_candidates;
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
@@ -37,6 +38,9 @@ pub struct SimulationOptions {
     pub two_directions: bool,
     /// Whether there is Gray code.
     pub gray: bool,
+    /// Whether there are a fully lit and an unlit image, from which Gray code gets its threshold. Without them the mean
+    /// of the phase images is the threshold, as in the paper's sequences.
+    pub white_and_black: bool,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
     /// Format of the images.
@@ -60,6 +64,7 @@ impl SimulationOptions {
             steps: 8,
             two_directions: false,
             gray: true,
+            white_and_black: true,
             noise: NoiseLevel::Normal,
             format: PixelFormat::Grey,
             gamma: 1.0,
@@ -135,6 +140,16 @@ impl Simulation {
         Ok(Self { options, staging, motion, rig, scene, views, truth })
     }
 
+    /// The same scene, with another calibration error and other noise. Nothing is traced again.
+    ///
+    /// # Errors
+    /// The calibration error is too large for this rig.
+    pub fn with_seed(&self, seed: u64) -> Result<Self, SimulationError> {
+        let rig = RigOptions { seed, ..self.options.rig };
+        let options = SimulationOptions { rig, seed, ..self.options };
+        Ok(Self { rig: VirtualRig::new(&options.rig)?, options, ..self.clone() })
+    }
+
     /// The rig.
     #[must_use]
     pub fn rig(&self) -> &VirtualRig {
@@ -161,7 +176,7 @@ impl Simulation {
             images: self.images().len(),
             measurable: self.truth.measurable.iter().filter(|&&m| m).count(),
             mean_periods,
-            expected_false_candidates: 3.0 * self.rig.deviation.delta_rms * (mean_periods - 1.0).max(0.0) / PI,
+            expected_false_candidates: expected_false_candidates(self.rig.deviation.delta_rms, mean_periods),
             projector_place: self.rig.exact.projector_place_on_base(),
             calibration_error: self.rig.deviation,
         }
@@ -174,7 +189,9 @@ impl Simulation {
         if self.options.two_directions {
             images.extend(self.direction(Direction::Rows, ImageKind::SecondPhase, ImageKind::SecondGray));
         }
-        images.extend([(ImageKind::White, Projected::White), (ImageKind::Black, Projected::Black)]);
+        if self.options.white_and_black {
+            images.extend([(ImageKind::White, Projected::White), (ImageKind::Black, Projected::Black)]);
+        }
         images
     }
 

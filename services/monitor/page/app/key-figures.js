@@ -15,7 +15,7 @@ export function showKeyFigures({ figures, history }) {
     showFigure("latency-p99", short(sample?.total?.[2]), `whole run ${milliseconds(wholeRun?.p99_ms)}`);
     showFigure("points", fixed(window?.points), "in the last cloud");
     showLosses(figures, history);
-    showFigure("efc", short(window?.efc), "efc: per true candidate");
+    showFigure("efc", short(window?.efc), `efc; ${withUnit(fixed(window?.puc, 1), "%")} unique`);
     showDrift(window);
     markLive("panel-key-figures");
 }

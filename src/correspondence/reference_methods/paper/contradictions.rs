@@ -114,7 +114,8 @@ impl Image<'_> {
         places
     }
 
-    fn decided_where(&self, condition: impl Fn(usize) -> bool) -> Vec<usize> {
+    /// The decided pixels that meet a condition.
+    pub(super) fn decided_where(&self, condition: impl Fn(usize) -> bool) -> Vec<usize> {
         (0..self.absolute.len()).filter(|&pixel| self.is_decided(pixel) && condition(pixel)).collect()
     }
 }

@@ -9,11 +9,13 @@
 //! ```text
 //! candidates(p) = points q of the segment of p with φ(q) = φ(p) and |δ(q) − mean| < 5·sd           2.1, 2.3
 //! decide p for its candidate with |δ − mean| < 3·sd, if it has exactly one                         2.2.1
-//! reject what decided neighbours do not support: the reference correspondences are left            2.2.1
+//! reject what decided neighbours do not support                                                    2.2.1
+//! reject what violates the monotony along the epipolar line: the reference correspondences are left 2.2.1
 //! repeat for a bounded number of rounds:                                                           2.2.3, at the end
 //!     decide by Eq. (2) from decided pixels along the epipolar direction, until nothing changes    2.2.2
 //!     the same with decided pixels across the epipolar direction too                               2.2.3
 //!     reject what decided neighbours do not support any more                                       2.2.2
+//!     reject and exclude what violates the monotony along the epipolar line                        2.2.3
 //!     divide the decided pixels into regions of continuous absolute phase                          2.2.3
 //!     reject and exclude regions that are small, whose δ is not level, or that lose their places in C2
 //!     reject and exclude pixels whose place in C2 serves another order of a better founded region
@@ -28,6 +30,7 @@
 
 mod contradictions;
 mod image;
+mod monotony;
 mod region_delta;
 mod votes;
 
@@ -96,6 +99,7 @@ impl Image<'_> {
                 break;
             }
             self.reject_unsupported(Outcome::Contradicted);
+            self.exclude(&self.violate_monotony());
             if settled(self.reject_by_contradictions(Precedence::Foundation)) {
                 break;
             }
@@ -110,7 +114,7 @@ impl Image<'_> {
     }
 
     /// Step 1, selection of reference correspondences (2.2.1): pixels with exactly one candidate that passes, supported
-    /// by neighbours that are unique and similar too. Eq. (2) along the walks holds the monotony.
+    /// by neighbours that are unique and similar too, without violation of the monotony.
     fn select_reference_correspondences(&mut self) {
         for pixel in 0..self.absolute.len() {
             let mut passing = (0..).zip(self.candidates.for_pixel(pixel)).filter(|(_, c)| self.gate.passes(c.delta));
@@ -119,6 +123,7 @@ impl Image<'_> {
             }
         }
         self.reject_unsupported(Outcome::Ambiguous);
+        self.violate_monotony().into_iter().for_each(|pixel| self.undecide(pixel, Outcome::Ambiguous));
     }
 
     /// Step 3, decision whether uncertain correspondences are true or false (2.2.2): rejects the pixels that their

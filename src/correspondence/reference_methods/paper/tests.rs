@@ -186,3 +186,27 @@ fn of_two_orders_in_one_place_of_c2_one_stays() {
     assert!(patch.iter().all(|&pixel| !image.is_decided(pixel)));
     assert!(patch.iter().all(|&pixel| image.is_decided(pixel - 20)));
 }
+
+#[test]
+fn a_coordinate_that_runs_against_the_unwrapped_phase_violates_the_monotony() {
+    let seen = Seen::new();
+    let mut lists = seen.true_lists();
+    let candidates = Candidates::from_pixels(&lists);
+    let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
+    image.select_reference_correspondences();
+    assert!(image.decided_where(|_| true).len() > 1000);
+    assert_eq!(image.violate_monotony(), []);
+
+    // A pixel whose order and δ agree with those around it, but whose point of C2 lies beyond theirs.
+    let pixel = amid(&lists);
+    for beyond_px in [-12.0, 12.0] {
+        let column_px = lists[pixel][0].column_px;
+        lists[pixel][0].column_px += beyond_px;
+        let candidates = Candidates::from_pixels(&lists);
+        let mut image = Image::new(seen.scene(), seen.gates(), &candidates);
+        image.select_reference_correspondences();
+        assert!(!image.is_decided(pixel) && image.outcomes[pixel] == Outcome::Ambiguous);
+        assert!([pixel - 1, pixel + 1].iter().all(|&beside| image.is_decided(beside)));
+        lists[pixel][0].column_px = column_px;
+    }
+}

@@ -25,7 +25,7 @@ use crate::correspondence::segment_table::EpipolarAxis;
 use crate::correspondence::support::NEAR;
 
 /// Longest walk, pixels. A period is seldom longer, and Eq. (2) uses no more than one.
-const FAR: usize = 15;
+pub(super) const FAR: usize = 15;
 
 /// Directions of the walks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +150,8 @@ impl Image<'_> {
         all.filter(move |(number, _)| !self.is_excluded[first + usize::from(*number)])
     }
 
-    fn sides(&self, directions: Directions) -> &'static [Side] {
+    /// The sides on which walks look.
+    pub(super) fn sides(&self, directions: Directions) -> &'static [Side] {
         match (directions, self.scene.view.table.epipolar_axis()) {
             (Directions::AlongAndAcross, _) => &Side::ALL,
             (Directions::Along, EpipolarAxis::Horizontal) => &[Side::Left, Side::Right],

@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use fringeflow_lab::evaluation::Scores;
-use fringeflow_lab::simulation::{Object, Simulation, SimulationOptions, SimulationSummary};
+use fringeflow_lab::simulation::{Simulation, SimulationOptions, SimulationSummary};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -54,9 +54,4 @@ impl SimulatedDataset {
         let (text, folder) = (failure.to_string(), format!("{}: ", self.input.path().display()));
         text.strip_prefix(&folder).unwrap_or(&text).to_owned()
     }
-}
-
-/// Options for the conditions of the paper: n about 6, sd 0.041 rad, 7 Gray-code images.
-pub(super) fn paper_options(object: Object, steps: usize) -> SimulationOptions {
-    SimulationOptions { steps, ..SimulationOptions::usual(object) }
 }

@@ -45,17 +45,22 @@ pub(crate) struct Args {
     /// Method that finds the correspondences.
     #[arg(long, value_enum, default_value_t = Method::Pa)]
     method: Method,
-    /// Measure the paper's seven objects with the virtual scanner, and print the paper's tables beside ours. Of the
-    /// options of the method, only --resolution has an effect.
-    #[arg(long, conflicts_with = "input")]
+    /// Run the experiment of the paper with the virtual scanner: its seven objects with 16, 8 and 4 steps and ten
+    /// seeds, by its own way, by ours and by Gray code, and scenes with more and more false candidates. Prints the
+    /// tables of the paper beside ours. With --output it writes them as paper.html, paper.md and paper.csv, and
+    /// claims.csv and claims.svg.
+    #[arg(long, group = "experiment", conflicts_with_all = ["input", "against", "method", "units", "preview"])]
     paper: bool,
+    /// With --paper: one seed and small images.
+    #[arg(long, requires = "paper")]
+    quick: bool,
     /// Measure the virtual scanner in series of scenes. Three series raise the expected false candidates: by the depth
     /// of the volume, the calibration error and the fringe period. One moves a board from 30 mm before the volume to
     /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
-    #[arg(long, conflicts_with_all = ["input", "paper"], requires = "output")]
+    #[arg(long, group = "experiment", conflicts_with_all = ["input", "paper"], requires = "output")]
     sweep: bool,
-    /// Folder for the files of --sweep.
-    #[arg(short, long, value_name = "FOLDER", requires = "sweep")]
+    /// Folder for the files of --sweep or --paper.
+    #[arg(short, long, value_name = "FOLDER", requires = "experiment")]
     output: Option<PathBuf>,
     /// Objects that --sweep measures.
     #[arg(
@@ -97,10 +102,11 @@ impl Args {
         }
         if let Some(folder) = &self.output {
             output_folder::prepare(folder)?;
-            return sweep::run(folder, &self.objects, &self.series, self.json);
         }
-        let Some(input) = &self.input else {
-            return paper::run(&self.proposed.resolution_only(), self.json);
+        let input = match (&self.input, &self.output) {
+            (Some(input), _) => input,
+            (None, Some(folder)) if self.sweep => return sweep::run(folder, &self.objects, &self.series, self.json),
+            (None, folder) => return paper::run(folder.as_deref(), self.quick, self.json),
         };
         let input = Input::open(input, self.units)?;
         let output = self.method.run(&input, &self.proposed)?;
@@ -113,7 +119,7 @@ impl Args {
 
     fn evaluate(&self, input: &Input, output: &MethodOutput) -> Result<Evaluation, Failure> {
         if self.against == Against::Gray {
-            let reference = egc(input.folder()?)?;
+            let reference = egc(input.folder()?, None)?;
             return against_cloud(&output.cloud, input.setup().image_size_px, &reference).map_err(Failure::unusable);
         }
         truth::evaluate(input, &output.cloud, output.middle_image())?.ok_or_else(|| {

@@ -110,6 +110,7 @@ fn evaluation(out: &mut impl Write, e: &Evaluation) -> io::Result<()> {
     )?;
     let verdict = if e.efc < RECOMMENDED_EFC { "below" } else { "NOT below" };
     writeln!(out, "  efc                     {:6.3}   {verdict} the recommended {RECOMMENDED_EFC}", e.efc)?;
+    writeln!(out, "  puc                     {:6.2}   % of the correspondences expected to be unique", e.puc_percent)?;
     writeln!(out, "  sd of depth by noise  {:8.4}   mm", 1e3 * d.depth_sd_m)
 }
 

@@ -242,6 +242,7 @@ impl Args {
             steps: self.steps,
             two_directions: self.two_directions,
             gray: !self.no_gray,
+            white_and_black: true,
             noise: self.noise,
             format: self.format,
             gamma: self.gamma,

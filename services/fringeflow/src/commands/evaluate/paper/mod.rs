@@ -1,126 +1,126 @@
-//! `fringeflow evaluate --paper`: measures the paper's seven objects with the virtual scanner, and prints the paper's
-//! tables beside ours.
+//! `fringeflow evaluate --paper`: the experiment of the paper (section 3), measured with the virtual scanner, beside the
+//! figures of the paper.
+//!
+//! Every object is measured with 16, 8 and 4 steps, by four ways and against two references, once for each seed; see
+//! [`fringeflow_lab::paper_experiment`]. Then the expected false candidates go from few to many, since the paper states
+//! how the result depends on them.
+
+mod csv;
+mod experiment;
+mod page;
+mod published;
+mod summary;
+mod table;
+mod tables;
 
 use std::io::Write as _;
+use std::path::Path;
 
 use serde::Serialize;
 
-use fringeflow_lab::evaluation::{
-    CompletenessRow, PAPER_TABLE_2, Scores, SequenceRow, completeness_table, sequence_table,
-};
-use fringeflow_lab::simulation::{Object, SimulationSummary};
+use fringeflow_base::atomic_file::write_atomically;
+use fringeflow_lab::paper_experiment::Figures;
+use fringeflow_lab::preview::Picture;
 
+use super::sweep::{self, Row};
 use crate::failure::Failure;
-use crate::progress;
-use crate::proposed::ProposedArgs;
-use crate::statistics::Statistics;
+use experiment::Extent;
+use table::Table;
 
-use super::measurement::{Measurement, SimulatedDataset, paper_options};
+/// Number of tables that are short: those of the paper.
+const SHORT_TABLES: usize = 2;
 
-/// Numbers of phase steps in the paper's Table 2, in its order.
-const STEPS: [usize; 3] = [16, 8, 4];
-/// Number of phase steps in the paper's Table 1.
-const TABLE_1_STEPS: usize = 16;
-
+/// The result of the experiment.
 #[derive(Serialize)]
-struct Row {
-    object: &'static str,
-    steps: usize,
-    #[serde(flatten)]
-    scores: Scores,
-    #[serde(flatten)]
-    statistics: Statistics,
-    simulated: SimulationSummary,
+struct Experiment {
+    /// Number of seeds.
+    seeds: u64,
+    /// Width and height of the images, pixels.
+    size_px: [usize; 2],
+    /// Duration of the whole experiment, seconds.
+    seconds: f64,
+    /// Every measurement.
+    measurements: Vec<Figures>,
+    /// Scenes with more and more false candidates.
+    claims: Vec<Row>,
+    /// Measurements that failed, with the reason.
+    failures: Vec<String>,
+    /// Pictures of the judgements by RD.
+    #[serde(skip)]
+    pictures: Vec<NamedPicture>,
 }
 
-/// Simulates and measures every object with every number of steps, and prints the tables.
-pub(super) fn run(proposed: &ProposedArgs, json: bool) -> Result<(), Failure> {
-    let bar = progress::bar("objects", (Object::PAPER.len() * STEPS.len()) as u64);
-    let mut rows = Vec::new();
-    for object in Object::PAPER {
-        for steps in STEPS {
-            bar.set_message(object.name());
-            rows.push(measure(object, steps, proposed)?);
-            bar.inc(1);
-        }
+/// A picture with its file name.
+struct NamedPicture {
+    name: String,
+    title: String,
+    picture: Picture,
+}
+
+/// Runs the experiment, prints its tables, and writes them to a folder.
+pub(super) fn run(folder: Option<&Path>, quick: bool, json: bool) -> Result<(), Failure> {
+    let experiment = experiment::run(if quick { Extent::Quick } else { Extent::Whole })?;
+    let tables = tables::tables(&experiment);
+    if let Some(folder) = folder {
+        write(folder, &experiment, &tables)?;
     }
-    bar.finish_and_clear();
     let mut out = std::io::stdout().lock();
     if json {
-        serde_json::to_writer(&mut out, &rows).map_err(std::io::Error::from)?;
-        return Ok(writeln!(out)?);
+        serde_json::to_writer(&mut out, &experiment).map_err(std::io::Error::from)?;
+        writeln!(out)?;
+    } else {
+        // The long tables are in the files.
+        let shown = if folder.is_some() { &tables[..SHORT_TABLES] } else { &tables };
+        write!(out, "{}", markdown(&experiment, shown))?;
+        if let Some(folder) = folder {
+            let files = "paper.html, paper.md, paper.csv, claims.csv, claims.svg and pictures";
+            writeln!(out, "{}: {files}", folder.display())?;
+        }
     }
-    writeln!(out, "Table 1, completeness ({TABLE_1_STEPS} steps)")?;
-    writeln!(out, "{}", completeness_table(&table_1(&rows)))?;
-    writeln!(out, "All numbers of steps")?;
-    writeln!(
-        out,
-        "{:<14} {:>5} {:>8} {:>7} {:>7} {:>6} {:>7} {:>6}",
-        "object", "steps", "com %", "miss %", "fpc %", "n", "sd", "efc"
-    )?;
-    for row in &rows {
-        let (s, d) = (&row.scores, &row.statistics);
-        writeln!(
-            out,
-            "{:<14} {:>5} {:>8.3} {:>7.3} {:>7.3} {:>6.2} {:>7.4} {:>6.3}",
-            row.object,
-            row.steps,
-            s.com_percent,
-            s.miss_percent,
-            s.fpc_percent,
-            d.mean_periods,
-            d.delta_sd_rad,
-            d.efc_predicted
-        )?;
+    failure(&experiment).map_or(Ok(()), Err)
+}
+
+fn write(folder: &Path, experiment: &Experiment, tables: &[Table]) -> Result<(), Failure> {
+    let claims = &experiment.claims;
+    let plot = sweep::efc_plot(claims);
+    write_atomically(&folder.join("paper.md"), |out| out.write_all(markdown(experiment, tables).as_bytes()))?;
+    write_atomically(&folder.join("paper.csv"), |out| csv::write(out, &experiment.measurements))?;
+    write_atomically(&folder.join("claims.csv"), |out| sweep::write_table(out, claims))?;
+    write_atomically(&folder.join("claims.svg"), |out| out.write_all(plot.as_bytes()))?;
+    for NamedPicture { name, picture, .. } in &experiment.pictures {
+        picture.write_png(&folder.join(name))?;
     }
-    writeln!(out, "\nTable 2, length of the sequence (images)")?;
-    Ok(writeln!(out, "{}", sequence_table(&table_2(&rows)))?)
+    let page = page::html(&about(experiment), tables, &plot, &experiment.pictures);
+    Ok(write_atomically(&folder.join("paper.html"), |out| out.write_all(page.as_bytes()))?)
 }
 
-fn measure(object: Object, steps: usize, proposed: &ProposedArgs) -> Result<Row, Failure> {
-    let simulated = SimulatedDataset::new(paper_options(object, steps))?;
-    let Measurement { scores, statistics, .. } = simulated.measure(proposed)?;
-    Ok(Row { object: object.name(), steps, scores, statistics, simulated: simulated.summary })
+fn markdown(experiment: &Experiment, tables: &[Table]) -> String {
+    let tables: String = tables.iter().map(Table::markdown).collect();
+    format!("# The experiment of the paper\n\n{}\n\n{tables}", about(experiment))
 }
 
-fn table_1(rows: &[Row]) -> Vec<CompletenessRow<'_>> {
-    let measured = rows.iter().filter(|row| row.steps == TABLE_1_STEPS);
-    let row = |row: &Row| CompletenessRow {
-        object: name_in_paper(row.object),
-        com_percent: row.scores.com_percent,
-        miss_percent: row.scores.miss_percent,
-        fpc_percent: row.scores.fpc_percent,
-        points: row.scores.reference,
-    };
-    measured.map(row).collect()
+/// What was measured, in a sentence.
+fn about(experiment: &Experiment) -> String {
+    let Experiment { seeds, size_px: [width, height], seconds, measurements, claims, .. } = experiment;
+    format!(
+        "{} measurements of seven objects with 16, 8 and 4 steps, {seeds} {} each, images of {width} × {height} pixels, \
+         and {} measurements with more and more false candidates, in {seconds:.0} s. ± is the standard deviation over \
+         the seeds.",
+        measurements.len(),
+        if *seeds == 1 { "seed" } else { "seeds" },
+        claims.len(),
+    )
 }
 
-fn name_in_paper(object: &str) -> &str {
-    match object {
-        "plane" => "Plane",
-        "prism" => "Prism",
-        "machine" => "Machine tool",
-        "teeth" => "Set of teeth",
-        "tooth" => "Plaster tooth",
-        "nose" => "Nose",
-        "elephant" => "Elephant",
-        other => other,
+/// The error that lists the failed measurements; `None` if all succeeded.
+fn failure(experiment: &Experiment) -> Option<Failure> {
+    let Experiment { failures, measurements, .. } = experiment;
+    let lines = failures.iter().map(|line| format!("  {line}")).chain(sweep::failed_lines(&experiment.claims));
+    let lines: Vec<String> = lines.collect();
+    let text = format!("{} measurements failed:\n{}", lines.len(), lines.join("\n"));
+    match (lines.len(), measurements.len()) {
+        (0, _) => None,
+        (_, 0) => Some(Failure::NothingMeasured(text)),
+        _ => Some(Failure::Losses(text)),
     }
-}
-
-/// Numbers of images of our sequences: phase images only, with the Gray code of one direction, and with that of both.
-fn table_2(rows: &[Row]) -> Vec<SequenceRow> {
-    let first = |steps: usize| rows.iter().find(|row| row.steps == steps);
-    // A simulated sequence has phase images, Gray code, a white and a black image.
-    let gray = first(STEPS[0]).map_or(0, |row| row.simulated.images.saturating_sub(STEPS[0] + 2)) as u64;
-    let images = |method: &str, steps: u64| match method {
-        "CGC" => 2 * (steps + gray),
-        "EGC" => steps + gray,
-        _ => steps,
-    };
-    let row = |paper: &SequenceRow| SequenceRow {
-        method: paper.method,
-        images: STEPS.map(|steps| images(paper.method, steps as u64)),
-    };
-    PAPER_TABLE_2.iter().map(row).collect()
 }

@@ -10,19 +10,25 @@ mod text;
 use std::io::Write as _;
 use std::path::Path;
 
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use fringeflow::correspondence::ResolutionMethod;
 use fringeflow_base::atomic_file::write_atomically;
-use fringeflow_lab::simulation::{Object, SimulationSummary};
+use fringeflow_lab::simulation::{Object, RigOptions, SimulationSummary};
 
-pub(super) use self::knob::Knob;
 use self::knob::SeriesPoint;
+pub(super) use self::knob::{Knob, claims};
+pub(super) use self::plot::svg as efc_plot;
+pub(super) use self::table::write as write_table;
 use super::measurement::{Measurement, SimulatedDataset};
 use crate::failure::Failure;
 use crate::progress;
 use crate::proposed::ProposedArgs;
 use crate::statistics::Statistics;
+
+/// Size of the images, pixels.
+const USUAL_SIZE_PX: [usize; 2] = RigOptions::usual(0.0).size_px;
 
 /// Names and options of the resolution methods that are compared.
 fn resolutions() -> [(&'static str, ProposedArgs); 2] {
@@ -31,7 +37,7 @@ fn resolutions() -> [(&'static str, ProposedArgs); 2] {
 
 /// A measurement, or the reason why it failed.
 #[derive(Clone, Serialize)]
-struct Row {
+pub(super) struct Row {
     knob: Knob,
     /// The knob's value, in its unit.
     value: f64,
@@ -86,14 +92,7 @@ enum Warning {
 pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool) -> Result<(), Failure> {
     let points: Vec<SeriesPoint> = knobs.iter().flat_map(|&knob| knob::series(knob)).collect();
     let bar = progress::bar("scenes", (points.len() * objects.len()) as u64);
-    let mut rows = Vec::new();
-    for &object in objects {
-        for point in &points {
-            bar.set_message(object.name());
-            rows.extend(measure(object, point));
-            bar.inc(1);
-        }
-    }
+    let rows = measure_all(objects, &points, USUAL_SIZE_PX, &bar);
     bar.finish_and_clear();
     write_atomically(&folder.join("sweep.csv"), |out| table::write(out, &rows))?;
     write_atomically(&folder.join("sweep.svg"), |out| out.write_all(plot::svg(&rows).as_bytes()))?;
@@ -101,13 +100,35 @@ pub(super) fn run(folder: &Path, objects: &[Object], knobs: &[Knob], json: bool)
     failures(&rows).map_or(Ok(()), Err)
 }
 
-/// The error that lists the failed measurements with their reasons; `None` if all succeeded.
-fn failures(rows: &[Row]) -> Option<Failure> {
-    let line = |row: &Row| {
+/// Measures every object at every point, with images of `size_px`.
+pub(super) fn measure_all(
+    objects: &[Object],
+    points: &[SeriesPoint],
+    size_px: [usize; 2],
+    bar: &ProgressBar,
+) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for &object in objects {
+        for point in points {
+            bar.set_message(object.name());
+            rows.extend(measure(object, point, size_px));
+            bar.inc(1);
+        }
+    }
+    rows
+}
+
+/// A line for each failed measurement, with its reason.
+pub(super) fn failed_lines(rows: &[Row]) -> impl Iterator<Item = String> + '_ {
+    rows.iter().filter_map(|row| {
         let Row { object, value, resolution, .. } = row;
         Some(format!("  {object}, {} {value}, resolution {resolution}: {}", row.knob.name(), row.failure.as_deref()?))
-    };
-    let lines: Vec<String> = rows.iter().filter_map(line).collect();
+    })
+}
+
+/// The error that lists the failed measurements with their reasons; `None` if all succeeded.
+fn failures(rows: &[Row]) -> Option<Failure> {
+    let lines: Vec<String> = failed_lines(rows).collect();
     let text = format!("{} of {} measurements failed:\n{}", lines.len(), rows.len(), lines.join("\n"));
     match lines.len() {
         0 => None,
@@ -117,10 +138,17 @@ fn failures(rows: &[Row]) -> Option<Failure> {
 }
 
 /// Measures a scene with every resolution, one row each. Returns no rows if the volume is shallower than the object.
-fn measure(object: Object, point: &SeriesPoint) -> Vec<Row> {
-    let Some(options) = point.options(object) else { return Vec::new() };
+fn measure(object: Object, point: &SeriesPoint, size_px: [usize; 2]) -> Vec<Row> {
+    let Some(options) = point.options(object, size_px) else { return Vec::new() };
     let simulated = SimulatedDataset::new(options);
+    // The paper measures sd beforehand.
+    let known_sd_rad =
+        simulated.as_ref().ok().filter(|_| point.knows_sd).map(|s| s.summary.calibration_error.delta_rms);
     let row = |(resolution, proposed): (&'static str, ProposedArgs)| {
+        let proposed = match known_sd_rad {
+            Some(sd_rad) if resolution == ResolutionMethod::Paper.name() => proposed.with_known_sd(sd_rad),
+            _ => proposed,
+        };
         let measured = match &simulated {
             Ok(simulated) => simulated.measure(&proposed).map_err(|e| simulated.failure_text(&e)),
             Err(e) => Err(e.to_string()),

@@ -43,28 +43,28 @@ const PANELS: [Panel; 2] = [
         },
     },
 ];
-/// Values in the paper: efc, and fpc in percent.
-const PAPER: [(f64, f64); 2] = [(0.2, 0.1), (0.5, 2.0)];
-/// Index of the panel in which they are drawn.
-const PAPER_PANEL: usize = 1;
+/// Statements of the paper (section 4): index of the panel, efc, and the plotted value in percent.
+const PAPER: [(usize, f64, f64); 3] = [(0, 0.2, 0.1), (1, 0.2, 0.1), (1, 0.5, 2.0)];
+/// efc beyond which the paper expects worse results.
+const PAPER_WORSE_EFC: f64 = 1.0;
 
 /// Colours by class: `k0` to `k2` for the knobs in their order. The second set is for dark pages.
 const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:var(--ink)}.title{font-weight:600}\
     svg{--ink:#1b1f24;--page:#fff;--grid:#d8dee4;--k0:#0b62c4;--k1:#b3400a;--k2:#1a7f37}\
     @media(prefers-color-scheme:dark){svg{--ink:#e6edf3;--page:#0d1117;--grid:#30363d;--k0:#6cb6ff;--k1:#ffa657;\
     --k2:#7ee787}}\
-    .page{fill:var(--page)}.grid{stroke:var(--grid)}.line{fill:none;stroke-width:2}.paper{fill:var(--ink)}\
+    .page{fill:var(--page)}.worse{fill:var(--grid);opacity:.35}.grid{stroke:var(--grid)}.line{fill:none;stroke-width:2}.paper{fill:var(--ink)}\
     .k0{stroke:var(--k0)}.k1{stroke:var(--k1)}.k2{stroke:var(--k2)}circle{fill:var(--page);stroke-width:1.5}";
 /// Dash patterns of the lines, by index of the resolution.
 const DASHES: [&str; 4] = ["none", "7 4", "2 3", "9 3 2 3"];
 
 /// Draws the plot of all rows.
-pub(super) fn svg(rows: &[Row]) -> String {
+pub(in crate::commands::evaluate) fn svg(rows: &[Row]) -> String {
     let resolutions = resolutions(rows);
     let panels = PANELS.iter().map(|panel| draw_panel(panel, rows, &resolutions));
     let legend = draw_legend(&resolutions, rows);
     let [panels, legend] = [panels.collect(), legend].map(|parts: Vec<String>| parts.concat());
-    let paper: String = PAPER.iter().map(|&(efc, fpc)| draw_paper(efc, fpc)).collect();
+    let paper: String = PAPER.iter().map(|&(panel, efc, percent)| draw_paper(&PANELS[panel], efc, percent)).collect();
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH_PX} {HEIGHT_PX}\" role=\"img\">\n\
          <title>com and fpc against the expected false candidates</title>\n<style>{STYLE}</style>\n\
@@ -112,9 +112,13 @@ fn draw_frame(panel: &Panel) -> String {
             bottom + 18.0
         )
     });
+    let worse = EFC.position_px(PAPER_WORSE_EFC);
     format!(
-        "{}{}<text class=\"title\" x=\"{left}\" y=\"{}\">{}</text><text x=\"{right}\" y=\"{}\" text-anchor=\"end\">efc by \
-         Eq. (1)</text>\n",
+        "<rect class=\"worse\" x=\"{worse:.1}\" y=\"{top}\" width=\"{:.1}\" height=\"{:.1}\"/>\
+         {}{}<text class=\"title\" x=\"{left}\" y=\"{}\">{}</text><text x=\"{right}\" y=\"{}\" text-anchor=\"end\">efc by \
+         Eq. (1); shaded: the paper expects worse</text>\n",
+        right - worse,
+        bottom - top,
         across.collect::<String>(),
         up.collect::<String>(),
         top - 14.0,
@@ -171,9 +175,9 @@ fn means(points: &[Point]) -> Vec<(f64, f64)> {
     means
 }
 
-/// Draws a value of the paper as a labelled diamond.
-fn draw_paper(efc: f64, fpc_percent: f64) -> String {
-    let (x, y) = (EFC.position_px(efc), PANELS[PAPER_PANEL].axis.position_px(fpc_percent));
+/// Draws a statement of the paper as a labelled diamond.
+fn draw_paper(panel: &Panel, efc: f64, percent: f64) -> String {
+    let (x, y) = (EFC.position_px(efc), panel.axis.position_px(percent));
     format!(
         "<path class=\"paper\" d=\"M{:.1} {y:.1}l7 -7l7 7l-7 7z\"/><text x=\"{:.1}\" y=\"{:.1}\">paper</text>\n",
         x - 7.0,
@@ -192,13 +196,16 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
             y + 4.0
         )
     };
-    let knobs = Knob::EFC_KNOBS
+    let knobs: Vec<Knob> =
+        Knob::EFC_KNOBS.into_iter().filter(|&knob| rows.iter().any(|row| row.knob == knob)).collect();
+    let count = knobs.len();
+    let knobs = knobs
         .into_iter()
         .enumerate()
         .map(|(i, knob)| entry(i, &format!("style=\"stroke:var(--{})\"", class(knob)), "none", knob.title()));
     let resolutions = resolutions.iter().enumerate().map(|(i, name)| {
         let name = format!("resolution: {name}");
-        entry(Knob::EFC_KNOBS.len() + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
+        entry(count + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
     });
     let refused = rows.iter().filter(|row| row.figures.is_none()).count();
     let note = format!(

@@ -8,7 +8,7 @@ const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,ef
                       miss_percent,fpc_percent,outliers_percent,points,reconstruction_ms,warning,failure";
 
 /// Writes the table. Fields that were not measured are empty.
-pub(super) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
+pub(in crate::commands::evaluate) fn write(out: &mut impl Write, rows: &[Row]) -> io::Result<()> {
     writeln!(out, "{HEADER}")?;
     rows.iter().try_for_each(|row| writeln!(out, "{}", line(row)))
 }
