@@ -82,7 +82,7 @@ fn add_samples(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dy
     let dataset = Dataset::open(folder, None)?;
     let Some(Truth::Rendered(truth)) = dataset.truth()? else { return Err("it has no exact ground truth".into()) };
     let setup = &dataset.setup;
-    let volume = setup.volume.clone().ok_or("it has no measurement volume")?;
+    let volume = setup.volume.ok_or("it has no measurement volume")?;
     let shifts_rad = &setup.sequence.shifts_rad;
     let image_numbers: Vec<usize> = (0..shifts_rad.len()).collect();
 

@@ -102,7 +102,7 @@ fn a_sweep_is_tracked_and_its_model_lies_on_the_true_surface() {
     let (clouds, truth) = (clouds(&scanner), true_poses(&scanner));
     let rig = scanner.rig().clone();
     let cam1_from_exact = rig.volume.cam1_from_volume() * rig.exact_volume.cam1_from_volume().inverse();
-    let mut tracker = Tracker::new(rig.calibrated.cam1.clone(), FusionSettings::default());
+    let mut tracker = Tracker::new(rig.calibrated.cam1, FusionSettings::default());
     let mut poses = Vec::new();
     for (k, cloud) in clouds.iter().enumerate() {
         let tracked = tracker.step(cloud, k as u64 * 100_000_000);

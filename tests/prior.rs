@@ -80,7 +80,7 @@ impl Scene {
 
     /// Reconstructs the same window as the last one of a tracked stream. Returns its prior too.
     fn reconstruct_stream(&self) -> (Reconstruction, Prior) {
-        let tracker = Tracker::new(self.dataset.setup.rig.cam1.clone(), FusionSettings::default());
+        let tracker = Tracker::new(self.dataset.setup.rig.cam1, FusionSettings::default());
         let mut stream = TrackedStream::new(self.reconstructor(), tracker);
         let mut prior = None;
         for start in 0..=MIDDLE {

@@ -90,8 +90,8 @@ mod tests {
                 let principal_px = size_px.map(|side| 0.49 * side as f64);
                 let camera = Camera::new([focal_px, 1.002 * focal_px], principal_px, lens, size_px);
                 rigs.push(Rig {
-                    cam1: camera.clone(),
-                    cam2: camera.clone(),
+                    cam1: camera,
+                    cam2: camera,
                     projector: camera,
                     cam2_from_cam1: Pose::new(base, turn),
                     projector_from_cam1: Pose::identity(),

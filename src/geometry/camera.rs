@@ -21,7 +21,7 @@ use super::{Distortion, Pixel, Point3, Vector3};
 /// assert!((seen - pixel).norm() < 1e-9);
 /// # Ok::<(), &str>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     focal_px: Vector2<f64>,
     skew_px: f64,

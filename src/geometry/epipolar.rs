@@ -89,7 +89,7 @@ impl EpipolarFrame {
             epipolar_from_cam1: epipolar_from_cam2 * rig.cam2_from_cam1.rotation.to_rotation_matrix(),
             base_m: (epipolar_from_cam2 * base).x,
             epipolar_from_cam2,
-            cam2: rig.cam2.clone(),
+            cam2: rig.cam2,
         };
         frame.fit_to_image()?;
         Ok(frame)

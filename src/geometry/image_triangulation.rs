@@ -139,7 +139,7 @@ mod tests {
         let lens = [-0.15, 0.2, -0.002, 0.0016, 0.03, 0.01, -0.02, 0.005, 1e-3, 2e-4, -1e-3, 3e-4];
         let cam2_from_cam1 = Pose::new(Vector3::new(-0.11, 0.003, 0.02), Vector3::new(0.01, 0.38, -0.02));
         let rig = rig::tests::rig(cam2_from_cam1, &lens);
-        let rig = Rig { cam2: rig.cam2.clone().with_skew(0.4), ..rig };
+        let rig = Rig { cam2: rig.cam2.with_skew(0.4), ..rig };
         let frame = EpipolarFrame::new(&rig).unwrap();
         let triangulation = frame.image_triangulation();
         for i in 0..100 {

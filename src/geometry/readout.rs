@@ -122,7 +122,7 @@ impl Readout {
     /// The rig of the cropped and binned images. The projector stays as it is.
     #[must_use]
     pub fn rig(&self, whole: &Rig) -> Rig {
-        Rig { cam1: self.camera(&whole.cam1), cam2: self.camera(&whole.cam2), ..whole.clone() }
+        Rig { cam1: self.camera(&whole.cam1), cam2: self.camera(&whole.cam2), ..*whole }
     }
 }
 

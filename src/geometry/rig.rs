@@ -23,7 +23,7 @@ use super::{Camera, Pixel, Point3, Pose};
 /// assert!((found.point_cam1 - point_m).norm() < 1e-9);
 /// # Ok::<(), &str>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rig {
     /// Camera 1, whose frame is the frame of all points.
     pub cam1: Camera,
@@ -82,8 +82,8 @@ pub(super) mod tests {
     pub(in crate::geometry) fn rig(cam2_from_cam1: Pose, distortion: &[f64]) -> Rig {
         let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], Distortion::from_opencv(distortion), [640, 512]);
         Rig {
-            cam1: camera.clone(),
-            cam2: camera.clone(),
+            cam1: camera,
+            cam2: camera,
             projector: camera,
             cam2_from_cam1,
             projector_from_cam1: Pose::identity(),

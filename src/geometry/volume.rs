@@ -18,7 +18,7 @@ use super::{Point3, Pose, Vector3};
 /// assert!((near_m - 0.275).abs() < 1e-12 && (far_m - 0.325).abs() < 1e-12);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasurementVolume {
     cam1_from_volume: Pose,
     min: Point3,

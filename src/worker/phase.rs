@@ -101,7 +101,7 @@ impl PhaseWorker {
         let cycle_rad = cycle.shifts_rad().to_vec();
         let solvers = vec![None; cycle_rad.len()];
         Self {
-            rig: rig.clone(),
+            rig: *rig,
             pattern: *pattern,
             cycle_rad,
             validity,

@@ -227,7 +227,7 @@ impl ScannerConfiguration {
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,
-            volume: volume.clone(),
+            volume: *volume,
             exact_cam1_from_volume: None,
             motion: None,
             remarks: serde_json::Map::new(),

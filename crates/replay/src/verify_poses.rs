@@ -60,7 +60,7 @@ pub fn verify_poses(recording: &Recording, mut each: impl FnMut()) -> Result<Ver
         each();
         verified.poses += 1;
         if report.first_cloud == report.cloud {
-            let tracker = Tracker::new(recording.setup().rig.cam1.clone(), settings);
+            let tracker = Tracker::new(recording.setup().rig.cam1, settings);
             rebuilt = Some(RebuiltModel { first_cloud: report.cloud, tracker, next: report.published });
         }
         let index = indexes.get(&report.cloud).copied();

@@ -121,7 +121,7 @@ impl ProposedArgs {
             let prior = settled.and_then(|(_, prior)| prior);
             return try_reconstruct(input, &mut reconstructor, chosen, prior);
         }
-        let tracker = Tracker::new(input.setup().rig.cam1.clone(), FusionSettings::default());
+        let tracker = Tracker::new(input.setup().rig.cam1, FusionSettings::default());
         let mut stream = TrackedStream::new(reconstructor, tracker);
         for images in self.preceding_windows(input, chosen) {
             if let Ok(reconstruction) = try_reconstruct_next(input, &mut stream, &images)? {
@@ -255,7 +255,7 @@ impl MeasuringArgs {
         configuration: &Configuration,
     ) -> Result<Reconstructor, Failure> {
         let setup = input.setup();
-        let volume = configuration.volume.clone().or_else(|| setup.volume.clone()).ok_or_else(|| {
+        let volume = configuration.volume.or(setup.volume).ok_or_else(|| {
             input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
         })?;
         let geometry = Geometry { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };

@@ -20,8 +20,8 @@ fn write_rig_calibration(folder: &Path) -> PathBuf {
         turn * Pose::translation(-x, 0.0, 0.0)
     };
     let rig = Rig {
-        cam1: camera.clone(),
-        cam2: camera.clone(),
+        cam1: camera,
+        cam2: camera,
         projector: camera,
         cam2_from_cam1: towards_axis(0.1),
         projector_from_cam1: towards_axis(0.04),

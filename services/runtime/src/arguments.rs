@@ -143,7 +143,7 @@ impl ServiceArgs {
         let setup = |source| ArgumentError::Setup { from: from.clone(), source };
         let mut parsed = Setup::parse(text, None).map_err(setup)?;
         if let Some(volume) = &configuration.measurement.volume {
-            parsed.volume = Some(volume.clone());
+            parsed.volume = Some(*volume);
         }
         Ok(parsed)
     }

@@ -256,15 +256,15 @@ fn seen_by_all(rig: &Rig, point: &Point3) -> Option<(Pixel, Pixel, Pixel)> {
 fn changed_rigs(rig: &Rig, distance_m: f64) -> Vec<Rig> {
     let mut rigs = Vec::new();
     for parameter in 0..INTRINSIC {
-        rigs.push(Rig { cam1: changed_camera(&rig.cam1, parameter), ..rig.clone() });
-        rigs.push(Rig { cam2: changed_camera(&rig.cam2, parameter), ..rig.clone() });
-        rigs.push(Rig { projector: changed_camera(&rig.projector, parameter), ..rig.clone() });
+        rigs.push(Rig { cam1: changed_camera(&rig.cam1, parameter), ..*rig });
+        rigs.push(Rig { cam2: changed_camera(&rig.cam2, parameter), ..*rig });
+        rigs.push(Rig { projector: changed_camera(&rig.projector, parameter), ..*rig });
     }
     for parameter in 0..EXTRINSIC {
         let cam2_from_cam1 = changed_pose(&rig.cam2_from_cam1, &rig.cam2, parameter, distance_m);
-        rigs.push(Rig { cam2_from_cam1, ..rig.clone() });
+        rigs.push(Rig { cam2_from_cam1, ..*rig });
         let projector_from_cam1 = changed_pose(&rig.projector_from_cam1, &rig.projector, parameter, distance_m);
-        rigs.push(Rig { projector_from_cam1, ..rig.clone() });
+        rigs.push(Rig { projector_from_cam1, ..*rig });
     }
     rigs
 }

@@ -20,7 +20,7 @@ impl Scene {
         let camera = Camera::new([600.0, 601.0], [99.0, 80.0], d, SIZE);
         let projector = Camera::new([900.0, 900.0], [320.0, 240.0], Distortion::default(), [640, 480]);
         let rig = Rig {
-            cam1: camera.clone(),
+            cam1: camera,
             cam2: camera,
             projector,
             cam2_from_cam1: Pose::new(Vector3::new(-0.11, 0.003, 0.02), Vector3::new(0.01, 0.36, -0.02)),

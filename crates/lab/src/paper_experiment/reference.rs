@@ -45,7 +45,7 @@ impl TracedObject {
         self.simulation.with_seed(seed)?.write(folder, || {})?;
         let dataset = Dataset::open(folder, None)?;
         let Some(Truth::Rendered(truth)) = dataset.truth()? else { return Err(TrialError::NoTruth) };
-        let Some(volume) = dataset.setup.volume.clone() else { return Err(TrialError::NoVolume) };
+        let Some(volume) = dataset.setup.volume else { return Err(TrialError::NoVolume) };
         let table = SegmentTable::build(&dataset.setup.rig, &volume, &dataset.setup.sequence.pattern)?;
         let gray: Cloud = gray_reference_data(egc(&dataset, None)?, &volume);
         Ok(Trial { object: self.object, seed, dataset, truth, gray, table })

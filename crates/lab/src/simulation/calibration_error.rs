@@ -118,7 +118,7 @@ pub(super) fn draw(
     if sd_rad == 0.0 {
         let deviation = CalibrationDeviation::default();
         let cam1_from_volume = *volume.cam1_from_volume();
-        return Ok(DrawnCalibration { rig: exact.clone(), cam1_from_volume, deviation });
+        return Ok(DrawnCalibration { rig: *exact, cam1_from_volume, deviation });
     }
     let cam2 = draws.next();
     let base = probe.with_cam2_error(&cam2, sd_rad);
@@ -166,7 +166,7 @@ impl<'a> Probe<'a> {
         let mut scale = 1.0;
         for _ in 0..MAX_STEPS {
             let (cam2, cam2_from_cam1) = draw.apply(scale, &self.exact.cam2, &self.exact.cam2_from_cam1);
-            let rig = self.centred(Rig { cam2, cam2_from_cam1, ..self.exact.clone() });
+            let rig = self.centred(Rig { cam2, cam2_from_cam1, ..*self.exact });
             let excess = self
                 .deviation(&rig)
                 .map(|d| (d.epi_rms / MAX_EPIPOLAR_RMS_PX).max(d.delta_rms / (sd_rad * CAM2_SHARE.sqrt()).max(1e-12)));
@@ -176,7 +176,7 @@ impl<'a> Probe<'a> {
                 None => scale *= 0.5,
             }
         }
-        self.exact.clone()
+        *self.exact
     }
 
     /// Adds an error of the projector, scaled so that δ has the wanted root mean square. Returns `None` if no scale
@@ -184,7 +184,7 @@ impl<'a> Probe<'a> {
     fn with_projector_error(&self, base: &Rig, draw: &Draw, sd_rad: f64) -> Option<Rig> {
         let at = |scale: f64| {
             let (projector, projector_from_cam1) = draw.apply(scale, &base.projector, &base.projector_from_cam1);
-            self.centred(Rig { projector, projector_from_cam1, ..base.clone() })
+            self.centred(Rig { projector, projector_from_cam1, ..*base })
         };
         // Bracket the scale by doubling, then bisect.
         let (mut low, mut high) = (0.0, 0.05);

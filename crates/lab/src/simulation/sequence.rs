@@ -289,7 +289,7 @@ impl Simulation {
             steps: options.steps,
             sequence: self.sequence(Direction::Columns),
             second_direction: options.two_directions.then(|| self.sequence(Direction::Rows)),
-            volume: self.rig.volume.clone(),
+            volume: self.rig.volume,
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
             motion: self.motion(),
             remarks: self.remarks(),

@@ -145,7 +145,7 @@ impl VirtualScanner {
                 gray: None,
             },
             second_direction: None,
-            volume: self.rig.volume.clone(),
+            volume: self.rig.volume,
             exact_cam1_from_volume: Some(*self.rig.exact_volume.cam1_from_volume()),
             motion: None,
             remarks: remarks(&self.rig, options.noise, options.format, options.gamma, options.seed),

@@ -33,7 +33,7 @@ pub(crate) fn write_intact(folder: &Path) {
 
 /// Returns the rig of the dataset.
 pub(crate) fn rig() -> Rig {
-    simulation().rig().exact.clone()
+    simulation().rig().exact
 }
 
 /// Replaces the values of a field of the calibration file.

@@ -85,7 +85,7 @@ impl TrackingStage {
         let configuration = &host.configuration.measurement.tracking;
         Ok(Self {
             account: host.open_account(Stage::Tracking)?,
-            tracker: Tracker::new(host.setup.rig.cam1.clone(), configuration.fusion()),
+            tracker: Tracker::new(host.setup.rig.cam1, configuration.fusion()),
             poses: Publisher::open(&host.node, TRACKING_POSE, &host.sizes)?,
             priors: if configuration.makes_priors() {
                 let output = Publisher::open(&host.node, TRACKING_PRIOR, &host.sizes)?;

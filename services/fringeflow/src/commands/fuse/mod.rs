@@ -62,7 +62,7 @@ impl Args {
         let configuration = self.measuring.configuration(&input)?;
         let windows = self.windows(&input, &configuration)?;
         let settings = FusionSettings { min_support: self.min_support, ..FusionSettings::default() };
-        let tracker = Tracker::new(input.setup().rig.cam1.clone(), settings);
+        let tracker = Tracker::new(input.setup().rig.cam1, settings);
         let reconstructor = self.measuring.reconstructor(&input, &windows[0], &configuration)?;
         let mut stream = TrackedStream::new(reconstructor, tracker).with_priors(!self.measuring.no_prior);
         let scan = Scan::run(&input, &windows, &mut stream)?;
