@@ -81,12 +81,6 @@ pub(super) mod tests {
     /// A rig of three equal cameras with these OpenCV coefficients of distortion.
     pub(in crate::geometry) fn rig(cam2_from_cam1: Pose, distortion: &[f64]) -> Rig {
         let camera = Camera::new([1850.0, 1852.0], [320.0, 250.0], Distortion::from_opencv(distortion), [640, 512]);
-        Rig {
-            cam1: camera,
-            cam2: camera,
-            projector: camera,
-            cam2_from_cam1,
-            projector_from_cam1: Pose::identity(),
-        }
+        Rig { cam1: camera, cam2: camera, projector: camera, cam2_from_cam1, projector_from_cam1: Pose::identity() }
     }
 }

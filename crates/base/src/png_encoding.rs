@@ -14,6 +14,8 @@ pub fn encode(
     let mut encoder = png::Encoder::new(out, side(width)?, side(height)?);
     encoder.set_color(color);
     encoder.set_depth(depth);
+    // Noise hardly shrinks, however long one tries.
+    encoder.set_compression(png::Compression::Fast);
     let mut writer = encoder.write_header().map_err(io_error)?;
     writer.write_image_data(bytes).map_err(io_error)?;
     writer.finish().map_err(io_error)

@@ -53,7 +53,7 @@ pub use scanner::{
     ProjectorDriver, ReadoutConfiguration, RecorderConfiguration, RigSource, ScannerConfiguration, SetupTextError,
 };
 pub use tracking::{PriorSource, TrackingConfiguration};
-pub use virtual_scanner::{FaultsTable, SweepTable, VirtualScannerConfiguration, VirtualScannerTable};
+pub use virtual_scanner::{FaultsTable, GivenRigFiles, SweepTable, VirtualScannerConfiguration, VirtualScannerTable};
 
 /// Maximum number of images of a window beyond a cycle. The longest window has 16 phase steps and these images.
 const MAX_EXTRA_IMAGES: usize = 8;

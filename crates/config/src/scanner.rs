@@ -15,7 +15,7 @@ use super::monitor::{self, MonitorConfiguration};
 use super::paths::in_folder;
 use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
-use super::virtual_scanner::VirtualScannerConfiguration;
+use super::virtual_scanner::{GivenRigFiles, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
 
 /// Configuration of an instance.
@@ -146,11 +146,13 @@ impl ScannerConfiguration {
                 ("cycle", ProjectorDriver::Cycle),
             ],
         )?;
+        let measurement = Configuration::from_raw(&raw)?;
+        let rig = rig_source(&raw, &source, source_format.pixel_format(), measurement.volume.as_ref(), folder)?;
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
-            measurement: Configuration::from_raw(&raw)?,
+            measurement,
             segment_table: segment_table(&raw, folder),
-            rig: rig_source(&raw, &source, source_format.pixel_format(), folder)?,
+            rig,
             readout: readout(cameras, &source)?,
             cameras: source,
             source_format,
@@ -286,17 +288,37 @@ fn rig_source(
     raw: &RawConfiguration,
     cameras: &CameraSource,
     format: PixelFormat,
+    volume: Option<&MeasurementVolume>,
     folder: &Path,
 ) -> Result<Option<RigSource>, ConfigurationProblem> {
+    let files = match &raw.rig {
+        Some(rig) => {
+            let unit = one_of("rig.unit", &rig.unit, &[("mm", Unit::Millimetre), ("m", Unit::Metre)])?;
+            Some((in_folder(folder, &rig.calibration), unit))
+        }
+        None => None,
+    };
     if *cameras == CameraSource::Virtual {
         let pattern = pattern(raw.pattern.as_ref())?;
-        let configuration = VirtualScannerConfiguration::new(&raw.virtual_scanner, &pattern, format, folder);
+        let given = match (files, volume) {
+            (Some((calibration, unit)), Some(volume)) => Some(GivenRigFiles { calibration, unit, volume: *volume }),
+            (None, None) => None,
+            (Some(_), None) => {
+                let expected = "it must be a table with the box of the rig in [rig], which is simulated";
+                return Err(ConfigurationProblem::Missing { key: "measurement_volume", expected });
+            }
+            (None, Some(_)) => {
+                let expected = "it must be a table with the calibration of the rig to simulate; without \
+                                [measurement_volume] the built-in rig is simulated";
+                return Err(ConfigurationProblem::Missing { key: "rig", expected });
+            }
+        };
+        let configuration = VirtualScannerConfiguration::new(&raw.virtual_scanner, &pattern, format, given, folder)?;
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
     }
-    let Some(rig) = &raw.rig else { return Ok(None) };
-    let unit = one_of("rig.unit", &rig.unit, &[("mm", Unit::Millimetre), ("m", Unit::Metre)])?;
+    let Some((calibration, unit)) = files else { return Ok(None) };
     let sequence = pattern(raw.pattern.as_ref())?;
-    Ok(Some(RigSource::Files { calibration: in_folder(folder, &rig.calibration), unit, sequence }))
+    Ok(Some(RigSource::Files { calibration, unit, sequence }))
 }
 
 /// Reads which part of the images is used. The calibration shows later whether it fits the images.

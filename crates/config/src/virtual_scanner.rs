@@ -7,9 +7,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::{FringePattern, MeasurementVolume};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::FringeSequence;
 
+use super::ConfigurationProblem;
 use super::paths::in_folder;
 
 /// The table `[virtual_scanner]`. The simulation has the defaults of absent keys.
@@ -91,28 +94,58 @@ pub struct VirtualScannerConfiguration {
     pub table: VirtualScannerTable,
     /// Number of phase shifts in a cycle.
     pub steps: usize,
-    /// Period of the fringes, projector pixels.
-    pub period_px: f64,
+    /// The fringes. The built-in rig takes only their period.
+    pub pattern: FringePattern,
     /// Format of the images.
     pub format: PixelFormat,
     /// File that stores the images between runs.
     pub cache: Option<PathBuf>,
+    /// The rig to simulate; `None` for the built-in one.
+    pub rig: Option<GivenRigFiles>,
+}
+
+/// A rig of the user that the virtual scanner simulates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenRigFiles {
+    /// OpenCV FileStorage YAML.
+    pub calibration: PathBuf,
+    /// Unit of lengths in the file.
+    pub unit: Unit,
+    /// Measurement volume.
+    pub volume: MeasurementVolume,
 }
 
 impl VirtualScannerConfiguration {
     /// Creates the configuration from the table. Paths are relative to the folder of the configuration.
+    ///
+    /// # Errors
+    /// The table states what the rig to simulate states too.
     pub(crate) fn new(
         table: &VirtualScannerTable,
         sequence: &FringeSequence,
         format: PixelFormat,
+        rig: Option<GivenRigFiles>,
         folder: &Path,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, ConfigurationProblem> {
+        if rig.is_some() {
+            let refused = |key, value: String| {
+                let expected = "the rig in [rig] and [measurement_volume] state it already; remove the key";
+                Err(ConfigurationProblem::Value { key, value, expected })
+            };
+            if let Some(size_px) = table.size_px {
+                return refused("virtual_scanner.size_px", format!("{size_px:?}"));
+            }
+            if let Some(depth_mm) = table.depth_mm {
+                return refused("virtual_scanner.depth_mm", depth_mm.to_string());
+            }
+        }
+        Ok(Self {
             steps: sequence.shifts_rad.len(),
-            period_px: sequence.pattern.period_px,
+            pattern: sequence.pattern,
             format,
             cache: table.cache.as_ref().map(|path| in_folder(folder, path)),
             table: table.clone(),
-        }
+            rig,
+        })
     }
 }

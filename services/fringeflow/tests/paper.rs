@@ -1,7 +1,7 @@
 //! `fringeflow evaluate --paper --quick` by the command line: the experiment of the paper, and what it must show.
 
 // A test fails if its preparation fails.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::collections::BTreeSet;
 use std::path::Path;

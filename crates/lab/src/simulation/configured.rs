@@ -3,14 +3,16 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use fringeflow::calibration::read_calibration;
 use fringeflow_config::{
-    ConfigurationError, ConfigurationProblem, FaultsTable, RigSource, ScannerConfiguration, SetupTextError, SweepTable,
-    VirtualScannerConfiguration,
+    ConfigurationError, ConfigurationProblem, FaultsTable, GivenRigFiles, RigSource, ScannerConfiguration,
+    SetupTextError, SweepTable, VirtualScannerConfiguration,
 };
 use fringeflow_dataset::SetupText;
 
 use super::{
-    FaultOptions, Faults, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner, VirtualScannerOptions,
+    FaultOptions, Faults, GivenRig, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner,
+    VirtualScannerOptions,
 };
 
 /// The table `[virtual_scanner]` of a configuration, checked.
@@ -37,15 +39,7 @@ impl ConfiguredScanner {
         let scanner = VirtualScannerOptions {
             object,
             board: word("virtual_scanner.board", table.board.as_deref(), usual.board)?,
-            rig: RigOptions {
-                arrangement: usual.rig.arrangement,
-                size_px: table.size_px.unwrap_or(usual.rig.size_px),
-                depth_m: table.depth_mm.map_or(usual.rig.depth_m, |mm| mm * 1e-3),
-                period_px: configuration.period_px,
-                sd_rad: table.sd_rad.unwrap_or(usual.rig.sd_rad),
-                lens_error: usual.rig.lens_error,
-                seed,
-            },
+            rig: rig(configuration, &usual.rig, seed)?,
             steps: configuration.steps,
             format: configuration.format,
             noise: word("virtual_scanner.noise", table.noise.as_deref(), usual.noise)?,
@@ -97,6 +91,27 @@ pub fn setup_text(configuration: &ScannerConfiguration) -> Result<SetupText, Set
             configuration.setup_text_of(scanner.description(), &scanner.rig().calibrated, None)
         }
     }
+}
+
+/// Returns the options of the built-in rig, or of the rig that the configuration names.
+fn rig(
+    configuration: &VirtualScannerConfiguration,
+    usual: &RigOptions,
+    seed: u64,
+) -> Result<RigOptions, ConfigurationProblem> {
+    let table = &configuration.table;
+    let options = RigOptions {
+        size_px: table.size_px.unwrap_or(usual.size_px),
+        depth_m: table.depth_mm.map_or(usual.depth_m, |mm| mm * 1e-3),
+        period_px: configuration.pattern.period_px,
+        sd_rad: table.sd_rad.unwrap_or(usual.sd_rad),
+        seed,
+        ..*usual
+    };
+    let Some(GivenRigFiles { calibration, unit, volume }) = &configuration.rig else { return Ok(options) };
+    let rig = read_calibration(calibration, *unit);
+    let rig = rig.map_err(|e| ConfigurationProblem::Named { key: "rig.calibration", problem: e.to_string() })?;
+    Ok(options.with_given(GivenRig { rig, volume: *volume, pattern: configuration.pattern }))
 }
 
 fn sweep(table: &SweepTable, seed: u64) -> SweepOptions {

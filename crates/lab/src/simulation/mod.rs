@@ -57,7 +57,7 @@ pub use motion::MotionOptions;
 pub use object::Object;
 pub use pose_images::PoseImages;
 pub use projected::{Direction, Projected};
-pub use rig::{Arrangement, RigOptions, VirtualRig};
+pub use rig::{Arrangement, GivenRig, RigOptions, VirtualRig};
 pub use scene::{Scene, Surface};
 pub use schedule::{Schedule, Tick};
 pub use sensor::{ImageSeed, Noise, NoiseLevel, Sensor};

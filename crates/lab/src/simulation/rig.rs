@@ -49,9 +49,33 @@ impl Arrangement {
     pub const SYMMETRIC: Self = Self { projector_place: 0.5, ..Self::TABLE_TOP };
 }
 
+/// A rig of the user, to be simulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GivenRig {
+    /// Cameras and projector.
+    pub rig: Rig,
+    /// Measurement volume. Its axis z must lead away from the sensor. The object stands in its middle.
+    pub volume: MeasurementVolume,
+    /// The fringes.
+    pub pattern: FringePattern,
+}
+
+impl GivenRig {
+    /// The volume with its origin in the middle of the box, where the virtual scanner puts its objects.
+    fn centred_volume(&self) -> Result<MeasurementVolume, SimulationError> {
+        let (min, max) = (self.volume.min(), self.volume.max());
+        let half = (max - min) / 2.0;
+        let middle = Translation3::from(min.coords + half);
+        let corner = Point3::from(half);
+        Ok(MeasurementVolume::new(self.volume.cam1_from_volume() * middle, -corner, corner)?)
+    }
+}
+
 /// Options of a virtual rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigOptions {
+    /// A rig that takes the place of arrangement, image size, depth and period; `None` for those below.
+    pub given: Option<GivenRig>,
     /// Arrangement of cameras and projector.
     pub arrangement: Arrangement,
     /// Width and height of the camera images, pixels.
@@ -75,7 +99,16 @@ impl RigOptions {
     #[must_use]
     pub const fn usual(depth_m: f64) -> Self {
         let arrangement = Arrangement::TABLE_TOP;
-        Self { arrangement, size_px: [640, 512], depth_m, period_px: 16.0, sd_rad: 0.041, lens_error: 0.0, seed: 1 }
+        let (size_px, period_px, sd_rad) = ([640, 512], 16.0, 0.041);
+        Self { given: None, arrangement, size_px, depth_m, period_px, sd_rad, lens_error: 0.0, seed: 1 }
+    }
+
+    /// These options with a rig of the user.
+    #[must_use]
+    pub fn with_given(self, given: GivenRig) -> Self {
+        let size_px = [given.rig.cam1.width_px(), given.rig.cam1.height_px()];
+        let depth_m = given.volume.max().z - given.volume.min().z;
+        Self { given: Some(given), size_px, depth_m, period_px: given.pattern.period_px, ..self }
     }
 }
 
@@ -117,17 +150,23 @@ impl VirtualRig {
         for size in options.size_px {
             check_range("image size", size as f64, 64.0, 4096.0, "px")?;
         }
-        check_range("depth", options.depth_m * 1e3, 1.0, 300.0, "mm")?;
+        check_range("depth", options.depth_m * 1e3, 1.0, if options.given.is_some() { 2000.0 } else { 300.0 }, "mm")?;
         check_range("period", options.period_px, 4.0, 256.0, "px")?;
         check_range("sd", options.sd_rad, 0.0, 1.0, "rad")?;
         check_range("the lens error", options.lens_error, 0.0, MAX_LENS_ERROR, "")?;
-        let (exact, exact_volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;
-        let columns = FringePattern {
-            period_px: options.period_px,
-            sign: 1.0,
-            // The phase is zero at the left border of column 0, half a pixel before its centre.
-            offset_rad: PI / options.period_px,
+        let (exact, exact_volume) = match &options.given {
+            Some(given) => (given.rig, given.centred_volume()?),
+            None => exact_rig(&options.arrangement, options.size_px, options.depth_m)?,
         };
+        let columns = options.given.map_or(
+            FringePattern {
+                period_px: options.period_px,
+                sign: 1.0,
+                // The phase is zero at the left border of column 0, half a pixel before its centre.
+                offset_rad: PI / options.period_px,
+            },
+            |given| given.pattern,
+        );
         let draws = Draws::new(options.seed, options.lens_error);
         let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, draws)?;
         let (min, max) = (*exact_volume.min(), *exact_volume.max());
@@ -146,7 +185,7 @@ impl VirtualRig {
     /// Number of Gray-code images that distinguish all half periods of the display.
     #[must_use]
     pub fn gray_images(&self) -> usize {
-        let cells = (2.0 * PROJECTOR_PX as f64 / self.columns.period_px).ceil() as usize;
+        let cells = (2.0 * self.exact.projector.width_px() as f64 / self.columns.period_px).ceil() as usize;
         cells.next_power_of_two().trailing_zeros().max(1) as usize
     }
 

@@ -21,6 +21,7 @@ mod projector;
 mod recorded_run;
 mod refused;
 mod reports;
+mod rigs;
 mod stopped_services;
 mod support;
 mod tracking;

@@ -12,8 +12,9 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use fringeflow::calibration::{Unit, read_calibration};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
-use fringeflow_dataset::read_volume;
+use fringeflow_dataset::{Setup, read_volume};
 use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
+use fringeflow_lab::simulation::{read_configuration, setup_text};
 
 use crate::failure::Failure;
 use crate::input::Input;
@@ -23,8 +24,8 @@ use crate::values::unit;
 /// Arguments of `fringeflow rig`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Calibration file (OpenCV YAML), dataset folder or recording (.mcap). Dataset and recording also state unit,
-    /// volume, pattern and steps.
+    /// Calibration file (OpenCV YAML), configuration of a scanner (.toml), dataset folder or recording (.mcap). All but
+    /// the calibration file also state unit, volume, pattern and steps.
     calibration: PathBuf,
     /// Unit of lengths in the calibration file and the volume. The default is that of the dataset, else mm.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
@@ -131,13 +132,20 @@ impl Args {
 
     /// Reads the calibration file, the dataset or the recording. The volume of --volume replaces its volume.
     fn calibrated_rig(&self) -> Result<CalibratedRig, Failure> {
-        let is_recording = self.calibration.extension().is_some_and(|extension| extension == "mcap");
-        let (rig, unit, volume, measurement) = if is_recording || self.calibration.is_dir() {
-            let set = Input::open(&self.calibration, self.units)?.setup().clone();
-            (set.rig, set.unit, set.volume, Some((set.sequence.pattern, set.steps)))
+        let is_of_kind = |kind: &str| self.calibration.extension().is_some_and(|extension| extension == kind);
+        let setup = if is_of_kind("toml") {
+            Some(configured_setup(&self.calibration)?)
+        } else if is_of_kind("mcap") || self.calibration.is_dir() {
+            Some(Input::open(&self.calibration, self.units)?.setup().clone())
         } else {
-            let unit = self.units.unwrap_or(Unit::Millimetre);
-            (read_calibration(&self.calibration, unit)?, unit, None, None)
+            None
+        };
+        let (rig, unit, volume, measurement) = match setup {
+            Some(set) => (set.rig, set.unit, set.volume, Some((set.sequence.pattern, set.steps))),
+            None => {
+                let unit = self.units.unwrap_or(Unit::Millimetre);
+                (read_calibration(&self.calibration, unit)?, unit, None, None)
+            }
         };
         let given = self.volume.as_ref().map(|given| parse_volume(given, unit)).transpose()?;
         Ok(CalibratedRig { rig, volume: given.or(volume), measurement })
@@ -159,6 +167,13 @@ impl Args {
         let calibration = by_sd.or(by_error).unwrap_or(Assumptions::default().calibration);
         Assumptions { steps, noise_grey: self.noise, modulation_grey: self.modulation, calibration }
     }
+}
+
+/// Returns the setup of the scanner of a configuration.
+fn configured_setup(file: &Path) -> Result<Setup, Failure> {
+    let unusable = |what: String| Failure::Usage(format!("{}: {what}", file.display()));
+    let text = setup_text(&read_configuration(file)?).map_err(|e| unusable(e.to_string()))?;
+    Setup::parse(text, None).map_err(|e| unusable(e.to_string()))
 }
 
 /// Parses 1 or -1.

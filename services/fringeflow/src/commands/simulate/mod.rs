@@ -231,6 +231,7 @@ impl Args {
             object: self.object,
             board: self.board()?,
             rig: RigOptions {
+                given: None,
                 arrangement,
                 size_px: self.size,
                 depth_m,
