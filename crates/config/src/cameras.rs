@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use fringeflow_base::grey::PixelFormat;
-use fringeflow_pixels::SourceFormat;
+use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat};
 
 use super::ConfigurationProblem;
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
@@ -189,8 +189,22 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
     }
 }
 
+/// Returns what the devices send.
+pub(super) fn device_images(source: &CameraSource, raw: &RawCameras) -> Result<DeviceImages, ConfigurationProblem> {
+    let format = source_format(source, raw.format.as_deref())?;
+    let known = BayerGrey::ALL.map(|grey| (grey.name(), grey));
+    let bayer = raw.bayer.as_deref().map(|name| one_of("cameras.bayer", name, &known)).transpose()?;
+    let problem = |problem: String| ConfigurationProblem::Named { key: "cameras.bayer", problem };
+    let images = DeviceImages::new(format, bayer, None).map_err(|e| problem(e.to_string()))?;
+    if bayer == Some(BayerGrey::Green) && raw.binning.is_some_and(|binning| binning > 1) {
+        let why = "binning sums squares of red, two green and blue pixels: remove \"green\", or use binning 1";
+        return Err(problem(why.to_owned()));
+    }
+    Ok(images)
+}
+
 /// Returns the source format with this name.
-pub(super) fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
+fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceFormat, ConfigurationProblem> {
     let Some(name) = name else { return Ok(SourceFormat::Grey) };
     match source {
         // These sources write their images into the channels themselves, in one of the formats of the channels.
@@ -378,10 +392,38 @@ mod tests {
             let text = TWO_DEVICES.replace("rate_hz", "format = \"MJPG\"\nrate_hz");
             let text = if source == "v4l2" { text } else { text.replace("v4l2", source) };
             let text = if source == "v4l2" { text.as_str() } else { text.split("[cameras.cam1]").next().unwrap() };
-            ScannerConfiguration::parse(text, Path::new("/")).map(|read| read.source_format)
+            ScannerConfiguration::parse(text, Path::new("/")).map(|read| read.device_images.format())
         };
         assert_eq!(format("v4l2").unwrap(), SourceFormat::Mjpeg);
         assert!(format("external").unwrap_err().to_string().contains("cameras.format is \"MJPG\"; it must be one of"));
+    }
+
+    #[test]
+    fn the_grey_level_of_a_mosaic_is_chosen_only_for_mosaics() {
+        let images = |keys: &str| {
+            let text = TWO_DEVICES.replace("rate_hz", &format!("{keys}\nrate_hz"));
+            let read = ScannerConfiguration::parse(&text, Path::new("/")).map_err(|e| e.to_string());
+            read.map(|read| (read.device_images, read.pixel_format()))
+        };
+        let of = |name: &str, grey| DeviceImages::new(name.parse().unwrap(), grey, None).unwrap();
+        assert_eq!(images("format = \"RGGB\"").unwrap(), (of("RGGB", None), PixelFormat::Y12));
+        let green = images("format = \"BA10\"\nbayer = \"green\"").unwrap();
+        assert_eq!(green, (of("BA10", Some(BayerGrey::Green)), PixelFormat::Y12));
+        assert_eq!(images("format = \"RGGB\"\nbayer = \"raw\"").unwrap().1, PixelFormat::Grey);
+        assert_eq!(images("format = \"RGGB\"\nbinning = 2").unwrap().1, PixelFormat::Y10);
+        let refused = |keys: &str| images(keys).unwrap_err();
+        let grey = refused("format = \"Y10\"\nbayer = \"raw\"");
+        assert!(
+            grey.contains("key cameras.bayer: Y10 images are no Bayer mosaic: remove the choice \"raw\""),
+            "{grey}"
+        );
+        let word = refused("format = \"RGGB\"\nbayer = \"red\"");
+        assert!(
+            word.contains("cameras.bayer is \"red\"; it must be one of [\"weighted\", \"green\", \"raw\"]"),
+            "{word}"
+        );
+        let binned = refused("format = \"RGGB\"\nbayer = \"green\"\nbinning = 2");
+        assert!(binned.contains("remove \"green\", or use binning 1"), "{binned}");
     }
 
     #[test]

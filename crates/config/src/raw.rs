@@ -126,6 +126,7 @@ pub(super) struct RawCameras {
     pub(super) source: String,
     pub(super) rate_hz: f64,
     pub(super) format: Option<String>,
+    pub(super) bayer: Option<String>,
     pub(super) region_px: Option<[usize; 4]>,
     pub(super) binning: Option<usize>,
     pub(super) cam1: Option<RawV4l2Camera>,

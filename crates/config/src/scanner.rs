@@ -8,7 +8,7 @@ use fringeflow::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, 
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 use fringeflow_dataset::{DatasetDescription, FringeSequence, SetupText};
-use fringeflow_pixels::SourceFormat;
+use fringeflow_pixels::DeviceImages;
 
 use super::cameras::{self, CameraSource};
 use super::monitor::{self, MonitorConfiguration};
@@ -31,8 +31,8 @@ pub struct ScannerConfiguration {
     pub segment_table: Option<PathBuf>,
     /// Source of the images.
     pub cameras: CameraSource,
-    /// Format that the cameras send.
-    pub source_format: SourceFormat,
+    /// Format and arrangement of the images that the cameras send.
+    pub device_images: DeviceImages,
     /// The part of the images that is used.
     pub readout: ReadoutConfiguration,
     /// Images per second of each camera.
@@ -135,7 +135,7 @@ impl ScannerConfiguration {
             "it must lie between 0.1 and 1000 images per second",
         )?;
         let source = cameras::camera_source(cameras, rate_hz)?;
-        let source_format = cameras::source_format(&source, cameras.format.as_deref())?;
+        let device_images = cameras::device_images(&source, cameras)?;
         let driver = raw.projector.driver.as_deref().unwrap_or("cycle");
         let projector = one_of(
             "projector.driver",
@@ -147,7 +147,7 @@ impl ScannerConfiguration {
             ],
         )?;
         let measurement = Configuration::from_raw(&raw)?;
-        let rig = rig_source(&raw, &source, source_format.pixel_format(), measurement.volume.as_ref(), folder)?;
+        let rig = rig_source(&raw, &source, device_images.format().pixel_format(), measurement.volume.as_ref(), folder)?;
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement,
@@ -155,7 +155,7 @@ impl ScannerConfiguration {
             rig,
             readout: readout(cameras, &source)?,
             cameras: source,
-            source_format,
+            device_images,
             rate_hz,
             projector,
             window_every: checked(
@@ -193,7 +193,7 @@ impl ScannerConfiguration {
     /// Format of the images in the channels.
     #[must_use]
     pub fn pixel_format(&self) -> PixelFormat {
-        self.source_format.pixel_format().binned(self.readout.binning)
+        self.device_images.pixel_format(self.readout.binning)
     }
 
     /// Returns the texts of the setup that [`Self::rig`] describes. For a virtual scanner, the simulation creates them
@@ -225,7 +225,7 @@ impl ScannerConfiguration {
             name: self.name.clone(),
             unit,
             readout: Readout::whole([rig.cam1.width_px(), rig.cam1.height_px()]),
-            pixel_format: self.source_format.pixel_format(),
+            pixel_format: self.device_images.pixel_format(1),
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,
@@ -430,7 +430,7 @@ mod tests {
     fn the_setup_has_the_format_of_the_cameras() {
         assert_eq!(parse(DEMO).unwrap().pixel_format(), PixelFormat::Grey);
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\"")).unwrap();
-        assert_eq!((deep.source_format, deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
+        assert_eq!((deep.device_images.format(), deep.pixel_format()), (SourceFormat::Y12, PixelFormat::Y12));
         // External programs can write only the formats of the channels.
         let refused = parse(&DEMO.replace("format = \"GREY\"", "format = \"YUYV\"")).unwrap_err();
         assert!(

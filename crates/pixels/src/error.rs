@@ -54,6 +54,16 @@ pub enum UnpackError {
         /// Bytes of the image.
         expected: usize,
     },
+    /// The image has no such view.
+    #[error("{format} image has {views} view(s); there is no view {view}")]
+    View {
+        /// Format of the image.
+        format: SourceFormat,
+        /// Number of views.
+        views: usize,
+        /// The view, counted from 0.
+        view: usize,
+    },
     /// The size of the JPEG image differs from the expected size.
     #[error("JPEG image is {} × {} pixels; expected {} × {}", found_px[0], found_px[1], expected_px[0], expected_px[1])]
     JpegSize {

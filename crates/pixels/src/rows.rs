@@ -72,6 +72,75 @@ pub(super) fn y14_mipi(row: &[u8], out: &mut [u8]) {
     });
 }
 
+/// `Mono10p`.
+pub(super) fn mono_10p(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 5]| {
+        let [a, b, c, d, e] = bytes.map(u16::from);
+        [a | (b & 0x03) << 8, b >> 2 | (c & 0x0f) << 6, c >> 4 | (d & 0x3f) << 4, d >> 6 | e << 2]
+    });
+}
+
+/// `Mono12p`.
+pub(super) fn mono_12p(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 3]| {
+        let [a, b, c] = bytes.map(u16::from);
+        [a | (b & 0x0f) << 8, b >> 4 | c << 4]
+    });
+}
+
+/// View 0 of `Y8I`.
+pub(super) fn y8_interleaved_0(row: &[u8], out: &mut [u8]) {
+    every_second(row, out, |pair| pair as u8);
+}
+
+/// View 1 of `Y8I`.
+pub(super) fn y8_interleaved_1(row: &[u8], out: &mut [u8]) {
+    every_second(row, out, |pair| (pair >> 8) as u8);
+}
+
+/// View 0 of `Y12I`.
+pub(super) fn y12_interleaved_0(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&[a, b, _]| [u16::from_le_bytes([a, b]) & 0x0fff]);
+}
+
+/// View 1 of `Y12I`.
+pub(super) fn y12_interleaved_1(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&[_, b, c]| [u16::from_le_bytes([b, c]) >> 4]);
+}
+
+/// View 0 of `Y16I`.
+pub(super) fn y16_interleaved_0(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&pair: &[u8; 4]| [u32::from_le_bytes(pair) as u16]);
+}
+
+/// View 1 of `Y16I`.
+pub(super) fn y16_interleaved_1(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&pair: &[u8; 4]| [(u32::from_le_bytes(pair) >> 16) as u16]);
+}
+
+/// `RGB3` and `BGR3`: R + 2 G + B. Nothing is rounded, so no precision is lost.
+pub(super) fn colours_of_three_bytes(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |bytes: &[u8; 3]| {
+        let [first, green, third] = bytes.map(u16::from);
+        [first + 2 * green + third]
+    });
+}
+
+/// Colours in the first three of four bytes: R + 2 G + B.
+pub(super) fn colours_before_a_byte(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&pixel: &[u8; 4]| [colour_sum(u32::from_le_bytes(pixel))]);
+}
+
+/// Colours in the last three of four bytes: R + 2 G + B.
+pub(super) fn colours_after_a_byte(row: &[u8], out: &mut [u8]) {
+    groups(row, out, |&pixel: &[u8; 4]| [colour_sum(u32::from_le_bytes(pixel) >> 8)]);
+}
+
+/// The sum of the low three bytes, the second counted twice.
+fn colour_sum(pixel: u32) -> u16 {
+    ((pixel & 0xff) + (pixel >> 7 & 0x1fe) + (pixel >> 16 & 0xff)) as u16
+}
+
 /// `YUYV` and `YVYU`.
 pub(super) fn luma_first(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| pair as u8);

@@ -1,8 +1,10 @@
-//! Formats in which V4L2 cameras send grey levels, and their sizes in bytes.
+//! Formats in which cameras send images, and their sizes in bytes.
 
 use fringeflow_base::grey::PixelFormat;
 
-/// A V4L2 pixel format with grey levels, or with luma and colours.
+use super::bayer::{BayerOrder, BayerSamples};
+
+/// A pixel format with grey levels, a colour mosaic, luma and colours, or red, green and blue. Most are those of V4L2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SourceFormat {
     /// 8 bits.
@@ -28,6 +30,42 @@ pub enum SourceFormat {
     Y12Mipi,
     /// 14 bits in MIPI packing: the high bits of four pixels, then their low bits in three bytes.
     Y14Mipi,
+    /// 10 bits in the packing of GenICam, from the low bits upwards: four pixels in five bytes.
+    Mono10p,
+    /// 12 bits in the packing of GenICam, from the low bits upwards: two pixels in three bytes.
+    Mono12p,
+    /// A mosaic of red, green and blue pixels.
+    Bayer(BayerOrder, BayerSamples),
+    /// 8 bits, a pixel of camera 1 and one of camera 2 in turn.
+    Y8Interleaved,
+    /// 12 bits, a pixel of camera 1 and one of camera 2 in three bytes, from the low bits upwards.
+    Y12Interleaved,
+    /// 16 bits, little endian, a pixel of camera 1 and one of camera 2 in turn.
+    Y16Interleaved,
+    /// Bytes R G B.
+    Rgb24,
+    /// Bytes B G R.
+    Bgr24,
+    /// Bytes B G R X.
+    Xbgr32,
+    /// Bytes B G R A.
+    Abgr32,
+    /// Bytes B G R and one without meaning.
+    Bgr32,
+    /// Bytes R G B X.
+    Rgbx32,
+    /// Bytes R G B A.
+    Rgba32,
+    /// Bytes X B G R.
+    Bgrx32,
+    /// Bytes A B G R.
+    Bgra32,
+    /// Bytes X R G B.
+    Xrgb32,
+    /// Bytes A R G B.
+    Argb32,
+    /// A byte without meaning, and R G B.
+    Rgb32,
     /// Luma and colours in turn: Y U Y V.
     Yuyv,
     /// Luma and colours in turn: Y V Y U.
@@ -62,108 +100,46 @@ pub enum SourceFormat {
     Jpeg,
 }
 
-/// A name that is not a known format.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{name:?} is not a readable pixel format; it must be one of {}", known())]
-pub struct UnknownFormat {
-    /// The name.
-    pub name: String,
-}
-
-/// Every format with the four letters of its V4L2 code, at the index of its discriminant.
-/// [`SourceFormat::Y16BigEndian`] has the letters of [`SourceFormat::Y16`]; its code has the highest bit set.
-const TABLE: [(SourceFormat, &[u8; 4]); 27] = [
-    (SourceFormat::Grey, b"GREY"),
-    (SourceFormat::Y10, b"Y10 "),
-    (SourceFormat::Y12, b"Y12 "),
-    (SourceFormat::Y14, b"Y14 "),
-    (SourceFormat::Y16, b"Y16 "),
-    (SourceFormat::Y16BigEndian, b"Y16 "),
-    (SourceFormat::Y012, b"Y012"),
-    (SourceFormat::Y10BitPacked, b"Y10B"),
-    (SourceFormat::Y10Mipi, b"Y10P"),
-    (SourceFormat::Y12Mipi, b"Y12P"),
-    (SourceFormat::Y14Mipi, b"Y14P"),
-    (SourceFormat::Yuyv, b"YUYV"),
-    (SourceFormat::Yvyu, b"YVYU"),
-    (SourceFormat::Uyvy, b"UYVY"),
-    (SourceFormat::Vyuy, b"VYUY"),
-    (SourceFormat::Nv12, b"NV12"),
-    (SourceFormat::Nv21, b"NV21"),
-    (SourceFormat::Nv16, b"NV16"),
-    (SourceFormat::Nv61, b"NV61"),
-    (SourceFormat::Yuv420, b"YU12"),
-    (SourceFormat::Yvu420, b"YV12"),
-    (SourceFormat::Nv12Planes, b"NM12"),
-    (SourceFormat::Nv21Planes, b"NM21"),
-    (SourceFormat::Yuv420Planes, b"YM12"),
-    (SourceFormat::Yvu420Planes, b"YM21"),
-    (SourceFormat::Mjpeg, b"MJPG"),
-    (SourceFormat::Jpeg, b"JPEG"),
-];
-
 impl SourceFormat {
-    /// All formats.
-    pub const ALL: [Self; TABLE.len()] = {
-        let mut all = [Self::Grey; TABLE.len()];
-        let mut index = 0;
-        while index < all.len() {
-            all[index] = TABLE[index].0;
-            index += 1;
-        }
-        all
-    };
-
-    fn letters(self) -> &'static [u8; 4] {
-        TABLE[self as usize].1
-    }
-
-    /// FourCC code in V4L2.
+    /// Order of the colours of a mosaic; `None` for other formats.
     #[must_use]
-    pub fn code(self) -> u32 {
-        let big_endian = if self == Self::Y16BigEndian { 1 << 31 } else { 0 };
-        u32::from_le_bytes(*self.letters()) | big_endian
+    pub fn bayer_order(self) -> Option<BayerOrder> {
+        if let Self::Bayer(order, _) = self { Some(order) } else { None }
     }
 
-    /// Returns the format with this V4L2 code; `None` for an unknown code.
+    /// Whether pixels of two views are stored in turn. The width then counts the pixels of one view.
     #[must_use]
-    pub fn from_code(code: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|format| format.code() == code)
+    pub fn is_interleaved(self) -> bool {
+        matches!(self, Self::Y8Interleaved | Self::Y12Interleaved | Self::Y16Interleaved)
     }
 
-    /// Name: the letters of the V4L2 code, as listed by `v4l2-ctl --list-formats`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        if self == Self::Y16BigEndian {
-            return "Y16_BE";
-        }
-        std::str::from_utf8(self.letters()).unwrap_or_default().trim_end()
+    /// The format that stores the same values, without the meaning of a mosaic.
+    pub(super) fn samples(self) -> Self {
+        if let Self::Bayer(_, samples) = self { samples.grey_format() } else { self }
     }
 
-    /// Name after `V4L2_PIX_FMT_` in the header of the kernel, if it differs.
-    fn header_name(self) -> Option<&'static str> {
-        match self {
-            Self::Y10BitPacked => Some("Y10BPACK"),
-            Self::Yuv420 => Some("YUV420"),
-            Self::Yvu420 => Some("YVU420"),
-            Self::Nv12Planes => Some("NV12M"),
-            Self::Nv21Planes => Some("NV21M"),
-            Self::Yuv420Planes => Some("YUV420M"),
-            Self::Yvu420Planes => Some("YVU420M"),
-            Self::Mjpeg => Some("MJPEG"),
-            _ => None,
-        }
-    }
-
-    /// Format of the unpacked images.
+    /// Format of the unpacked images; of a mosaic, that of its values. The sum R + 2 G + B of 8-bit colours has 10
+    /// bits.
     #[must_use]
     pub fn pixel_format(self) -> PixelFormat {
-        match self {
-            Self::Y10 | Self::Y10BitPacked | Self::Y10Mipi => PixelFormat::Y10,
-            Self::Y12 | Self::Y012 | Self::Y12Mipi => PixelFormat::Y12,
+        match self.samples() {
+            Self::Y10 | Self::Y10BitPacked | Self::Y10Mipi | Self::Mono10p => PixelFormat::Y10,
+            Self::Y12 | Self::Y012 | Self::Y12Mipi | Self::Mono12p | Self::Y12Interleaved => PixelFormat::Y12,
             Self::Y14 | Self::Y14Mipi => PixelFormat::Y14,
-            Self::Y16 | Self::Y16BigEndian => PixelFormat::Y16,
+            Self::Y16 | Self::Y16BigEndian | Self::Y16Interleaved => PixelFormat::Y16,
+            format if format.colour_bytes().is_some() => PixelFormat::Y10,
             _ => PixelFormat::Grey,
+        }
+    }
+
+    /// Bytes of a pixel with red, green and blue, and the first of these; green is always between the others. `None`
+    /// for other formats.
+    pub(super) fn colour_bytes(self) -> Option<[usize; 2]> {
+        match self {
+            Self::Rgb24 | Self::Bgr24 => Some([3, 0]),
+            Self::Xbgr32 | Self::Abgr32 | Self::Bgr32 | Self::Rgbx32 | Self::Rgba32 => Some([4, 0]),
+            Self::Bgrx32 | Self::Bgra32 | Self::Xrgb32 | Self::Argb32 | Self::Rgb32 => Some([4, 1]),
+            _ => None,
         }
     }
 
@@ -175,14 +151,22 @@ impl SourceFormat {
 
     /// The smallest group of pixels that fills whole bytes: number of pixels, number of bytes.
     fn group(self) -> [usize; 2] {
-        match self {
+        match self.samples() {
             Self::Y10 | Self::Y12 | Self::Y14 | Self::Y16 | Self::Y16BigEndian | Self::Y012 => [1, 2],
-            Self::Y10BitPacked | Self::Y10Mipi => [4, 5],
-            Self::Y12Mipi => [2, 3],
+            Self::Y8Interleaved => [1, 2],
+            Self::Y12Interleaved => [1, 3],
+            Self::Y16Interleaved => [1, 4],
+            Self::Y10BitPacked | Self::Y10Mipi | Self::Mono10p => [4, 5],
+            Self::Y12Mipi | Self::Mono12p => [2, 3],
             Self::Y14Mipi => [4, 7],
             Self::Yuyv | Self::Yvyu | Self::Uyvy | Self::Vyuy => [2, 4],
-            _ => [1, 1],
+            format => [1, format.colour_bytes().map_or(1, |[bytes, _]| bytes)],
         }
+    }
+
+    /// Number of pixels that are stored together.
+    pub(super) fn group_px(self) -> usize {
+        self.group()[0]
     }
 
     /// Size of a row without a gap, bytes; 0 for compressed formats.
@@ -214,25 +198,4 @@ impl From<PixelFormat> for SourceFormat {
             PixelFormat::Y16 => Self::Y16,
         }
     }
-}
-
-impl std::fmt::Display for SourceFormat {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for SourceFormat {
-    type Err = UnknownFormat;
-
-    /// Parses a name from `v4l2-ctl` or from the header of the kernel.
-    fn from_str(name: &str) -> Result<Self, UnknownFormat> {
-        let known = Self::ALL.into_iter().find(|format| format.name() == name || format.header_name() == Some(name));
-        known.ok_or_else(|| UnknownFormat { name: name.to_owned() })
-    }
-}
-
-/// Returns the names of all formats.
-fn known() -> String {
-    SourceFormat::ALL.map(SourceFormat::name).join(", ")
 }

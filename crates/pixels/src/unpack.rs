@@ -1,55 +1,38 @@
-//! Converts one image: checks the sizes, then converts the rows from the layout of the camera to that of the channel.
+//! Selects the conversion of a row, and checks the sizes of an image.
 
 use fringeflow_base::grey::PixelFormat;
 
 use super::error::UnpackError;
-use super::jpeg;
 use super::rows::{self, Row};
 use super::source_format::SourceFormat;
 
-/// Writes the grey levels of an image to `out`, in rows without gaps, in the format's
-/// [`pixel_format`](SourceFormat::pixel_format).
-///
-/// `source` is the buffer of the driver; if the format has one buffer per plane, it is the first one. The stride is
-/// ignored for compressed formats.
-///
-/// # Errors
-/// [`UnpackError`]; the content of `out` is then undefined.
-pub fn unpack(
-    format: SourceFormat,
-    source: &[u8],
-    stride_bytes: usize,
-    size_px: [usize; 2],
-    out: &mut [u8],
-) -> Result<(), UnpackError> {
-    check_output(format, size_px, format.pixel_format(), out.len())?;
-    if format.is_compressed() {
-        return jpeg::decode(source, size_px, out);
-    }
-    check_source(format, source.len(), stride_bytes, size_px)?;
-    let row_bytes = size_px[0] * format.pixel_format().bytes();
-    match row_converter(format) {
-        Some(row) => rows::each(source, stride_bytes, row_bytes, out, row),
-        None => rows::copy(source, stride_bytes, row_bytes, out),
-    }
-    Ok(())
-}
-
-/// Returns the conversion of a row from this format to that of the channel; `None` if both are the same.
-fn row_converter(format: SourceFormat) -> Option<Row> {
-    Some(match format {
+/// Returns the conversion of a row of a view, from this format to that of the channel; `None` if both are the same. Of
+/// a mosaic, the values stay as they are.
+pub(super) fn row_converter(format: SourceFormat, view: usize) -> Option<Row> {
+    let of_view = |rows: [Row; 2]| rows[view.min(1)];
+    Some(match format.samples() {
         SourceFormat::Y16BigEndian => rows::y16_big_endian,
         SourceFormat::Y012 => rows::y012,
         SourceFormat::Y10BitPacked => rows::y10_bit_packed,
         SourceFormat::Y10Mipi => rows::y10_mipi,
         SourceFormat::Y12Mipi => rows::y12_mipi,
         SourceFormat::Y14Mipi => rows::y14_mipi,
+        SourceFormat::Mono10p => rows::mono_10p,
+        SourceFormat::Mono12p => rows::mono_12p,
+        SourceFormat::Y8Interleaved => of_view([rows::y8_interleaved_0, rows::y8_interleaved_1]),
+        SourceFormat::Y12Interleaved => of_view([rows::y12_interleaved_0, rows::y12_interleaved_1]),
+        SourceFormat::Y16Interleaved => of_view([rows::y16_interleaved_0, rows::y16_interleaved_1]),
         SourceFormat::Yuyv | SourceFormat::Yvyu => rows::luma_first,
         SourceFormat::Uyvy | SourceFormat::Vyuy => rows::luma_second,
-        _ => return None,
+        format => match format.colour_bytes()? {
+            [3, _] => rows::colours_of_three_bytes,
+            [_, 0] => rows::colours_before_a_byte,
+            _ => rows::colours_after_a_byte,
+        },
     })
 }
 
+/// Checks the size of the output buffer of an image.
 pub(super) fn check_output(
     format: SourceFormat,
     [width_px, height_px]: [usize; 2],
@@ -60,6 +43,7 @@ pub(super) fn check_output(
     if found == expected { Ok(()) } else { Err(UnpackError::Output { format, width_px, height_px, found, expected }) }
 }
 
+/// Checks the size of the buffer of a driver.
 pub(super) fn check_source(
     format: SourceFormat,
     found: usize,

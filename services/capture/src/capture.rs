@@ -35,7 +35,7 @@ impl Capture {
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
         };
         let wanted = Wanted {
-            format: host.configuration.source_format,
+            format: host.configuration.device_images.format(),
             size_px: host.setup.readout.sensor_px(),
             rate_hz: host.configuration.rate_hz,
         };
@@ -43,7 +43,8 @@ impl Capture {
             id,
             stage,
             camera: Camera::new(settings, wanted),
-            reader: ImageReader::new(wanted.format, host.setup.readout),
+            reader: ImageReader::new(host.configuration.device_images, host.setup.readout)
+                .map_err(|e| ServiceError::Unusable(e.to_string()))?,
             account: host.open_account(stage)?,
             output: Publisher::open(&host.node, channel, &host.sizes)?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
@@ -192,7 +193,7 @@ fn send(
         return output.send(&header, pixels).map_err(SendError::Transport);
     }
     let sent = output.try_send_filled(len, |pixels| {
-        reader.read(bytes, stride_bytes, pixels).map_err(SendError::Image)?;
+        reader.read(0, bytes, stride_bytes, pixels).map_err(SendError::Image)?;
         number_header(account)
     });
     sent.map_err(SendError::Transport)?

@@ -33,9 +33,9 @@ pub fn replay_configuration(recording: &Recording, name: &str, pace: Pace) -> Re
     for section in ["rig", "virtual_scanner", "recorder", "processors"] {
         table.remove(section);
     }
-    // The recorded images are already cropped and binned.
+    // The recorded images are already grey, cropped and binned.
     if let Some(Value::Table(cameras)) = table.get_mut("cameras") {
-        for key in ["region_px", "binning"] {
+        for key in ["bayer", "region_px", "binning"] {
             cameras.remove(key);
         }
     }

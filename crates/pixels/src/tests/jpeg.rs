@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 
-use crate::{SourceFormat, UnpackError, unpack};
+use crate::{SourceFormat, UnpackError};
+
+use super::unpack;
 
 const SIZE_PX: [usize; 2] = [80, 72];
 const GREY: &[u8] = include_bytes!("grey.jpg");

@@ -4,9 +4,9 @@ use proptest::prelude::*;
 
 use fringeflow_base::grey::PixelFormat;
 
-use crate::{SourceFormat, unpack};
+use crate::{BayerSamples, SourceFormat};
 
-use super::raw_formats;
+use super::{numbers, numbers_of, raw_formats, unpack};
 
 /// Grey levels of an unpacked row.
 fn greys(format: SourceFormat, row: &[u8], width_px: usize) -> Vec<u16> {
@@ -22,10 +22,7 @@ fn unpacked(format: SourceFormat, source: &[u8], stride_bytes: usize, size_px: [
         out
     });
     assert_eq!(zeros, ones, "{format}: some bytes were not written");
-    match bytes {
-        1 => zeros.into_iter().map(u16::from).collect(),
-        _ => zeros.chunks_exact(2).map(|two| u16::from_le_bytes([two[0], two[1]])).collect(),
-    }
+    numbers_of(bytes, &zeros)
 }
 
 #[test]
@@ -53,6 +50,25 @@ fn layouts_of_the_documentation() {
             &[1, 2, 3, 0x80, 0b0110_0001, 0b0011_1010, 0b1001_1010],
             &[1 << 6 | 0x21, 2 << 6 | 0x29, 3 << 6 | 0x23, 0x80 << 6 | 0x26],
         ),
+        // Y0[7:0] | Y1[5:0] Y0[9:8] | Y2[3:0] Y1[9:6] | Y3[1:0] Y2[9:4] | Y3[9:2].
+        ("Mono10p", &[0x01, 0b000010_10, 0b0011_0000, 0b01_100000, 0x80], &[0x201, 2, 0x203, 0x201]),
+        // Y0[7:0] | Y1[3:0] Y0[11:8] | Y1[11:4].
+        ("Mono12p", &[0x25, 0xa1, 0xfe], &[0x125, 0xfea]),
+        ("BA81", &[1, 2, 255], &[1, 2, 255]),
+        ("BG12", &[0x34, 0x0a], &[0xa34]),
+        ("pgAA", &[1, 2, 4, 0x80, 0b11_10_01_00], &[4, 9, 0x12, 0x203]),
+        ("pRCC", &[0x12, 0xfe, 0xa5], &[0x125, 0xfea]),
+        ("BayerGB12p", &[0x25, 0xa1, 0xfe], &[0x125, 0xfea]),
+        // View 0 of both: left bytes; left = 0xfff & word at 0, right = word at 1 >> 4.
+        ("Y8I", &[1, 100, 2, 200], &[1, 2]),
+        ("Y12I", &[0x25, 0xa1, 0xfe], &[0x125]),
+        ("Y16I", &[0x25, 0xa1, 0xfe, 0xff], &[0xa125]),
+        // R + 2 G + B.
+        ("RGB3", &[1, 10, 100, 255, 255, 255], &[121, 1020]),
+        ("BGR3", &[1, 10, 100, 255, 255, 255], &[121, 1020]),
+        // Bytes B G R X, and X R G B.
+        ("XR24", &[1, 10, 100, 9, 2, 20, 200, 9], &[121, 242]),
+        ("BX24", &[9, 1, 10, 100, 9, 2, 20, 200], &[121, 242]),
         ("YUYV", &[1, 100, 2, 200], &[1, 2]),
         ("YVYU", &[1, 100, 2, 200], &[1, 2]),
         ("UYVY", &[100, 1, 200, 2], &[1, 2]),
@@ -74,10 +90,25 @@ fn luma_is_the_first_plane() {
     }
 }
 
+/// Red, green and blue with this sum R + 2 G + B.
+fn colours(sum: u16) -> [u8; 3] {
+    let green = (sum + 2) / 4;
+    let red = (sum - 2 * green) / 2;
+    [red, green, sum - 2 * green - red].map(|colour| colour as u8)
+}
+
+/// The largest value of a format.
+fn greatest(format: SourceFormat) -> u16 {
+    if format.colour_bytes().is_some() { 4 * 255 } else { format.pixel_format().max_value() }
+}
+
 /// Packs a row in the layout of a format, padded with ones to whole groups.
 fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
     let mut greys = greys.to_vec();
-    greys.resize(greys.len().next_multiple_of(4), u16::MAX >> (16 - format.pixel_format().bits()));
+    greys.resize(greys.len().next_multiple_of(4), greatest(format));
+    if let SourceFormat::Bayer(_, samples) = format {
+        return packed(BayerSamples::grey_format(samples), &greys);
+    }
     let bits = |greys: &[u16], bits: u32| {
         let number = greys.iter().fold(0_u64, |number, &grey| number << bits | u64::from(grey));
         number.to_be_bytes()[8 - greys.len() * bits as usize / 8..].to_vec()
@@ -88,7 +119,24 @@ fn packed(format: SourceFormat, greys: &[u16]) -> Vec<u8> {
         let lows = greys.iter().rev().fold(0_u32, |number, &grey| number << low | u32::from(grey) & ((1 << low) - 1));
         high.chain(lows.to_le_bytes().into_iter().take(greys.len() * low as usize / 8)).collect::<Vec<u8>>()
     };
+    // The first pixel is stored in the lowest bits.
+    let upwards = |greys: &[u16], bits: usize| {
+        let number = greys.iter().rev().fold(0_u64, |number, &grey| number << bits | u64::from(grey));
+        number.to_le_bytes()[..greys.len() * bits / 8].to_vec()
+    };
     match format {
+        SourceFormat::Mono10p => greys.chunks(4).flat_map(|four| upwards(four, 10)).collect(),
+        SourceFormat::Mono12p => greys.chunks(2).flat_map(|two| upwards(two, 12)).collect(),
+        SourceFormat::Y8Interleaved => greys.iter().flat_map(|&grey| [grey as u8, 77]).collect(),
+        SourceFormat::Y12Interleaved => greys.iter().flat_map(|&grey| upwards(&[grey, 0x777], 12)).collect(),
+        SourceFormat::Y16Interleaved => greys.iter().flat_map(|&grey| upwards(&[grey, 0x7777], 16)).collect(),
+        _ if format.colour_bytes() == Some([3, 0]) => greys.iter().flat_map(|&grey| colours(grey)).collect(),
+        _ if format.colour_bytes() == Some([4, 0]) => {
+            greys.iter().map(|&grey| colours(grey)).flat_map(|[a, b, c]| [a, b, c, 77]).collect()
+        }
+        _ if format.colour_bytes() == Some([4, 1]) => {
+            greys.iter().map(|&grey| colours(grey)).flat_map(|[a, b, c]| [77, a, b, c]).collect()
+        }
         SourceFormat::Y16BigEndian => greys.iter().flat_map(|grey| grey.to_be_bytes()).collect(),
         SourceFormat::Y012 => greys.iter().flat_map(|grey| (grey << 4).to_le_bytes()).collect(),
         SourceFormat::Y10BitPacked => greys.chunks(4).flat_map(|four| bits(four, 10)).collect(),
@@ -110,14 +158,11 @@ proptest! {
         gap_bytes in prop_oneof![Just(0_usize), 1..40_usize],
         seed in any::<u64>(),
     ) {
-        let mut state = seed;
-        let mut random = move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 48) as u16
-        };
+        let mut random = numbers(seed);
         for format in raw_formats() {
             let bits = format.pixel_format().bits();
-            let image: Vec<u16> = (0..width_px * height_px).map(|_| random() >> (16 - bits)).collect();
+            let value = |_| (random() >> (16 - bits)).min(greatest(format));
+            let image: Vec<u16> = (0..width_px * height_px).map(value).collect();
             let stride_bytes = format.least_stride_bytes(width_px) + gap_bytes;
             let mut source = Vec::new();
             for row in image.chunks(width_px) {

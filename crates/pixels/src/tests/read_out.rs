@@ -3,10 +3,9 @@
 use fringeflow::geometry::Readout;
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 
-use crate::unpack;
 use crate::{ImageReader, SourceFormat};
 
-use super::raw_formats;
+use super::{raw_formats, unpack, values_of};
 
 const SENSOR_PX: [usize; 2] = [72, 50];
 /// A region with odd corners, and the whole image.
@@ -18,7 +17,7 @@ fn source(format: SourceFormat) -> (Vec<u8>, usize) {
     let len = format.least_bytes(SENSOR_PX, stride_bytes);
     let mut bytes: Vec<u8> = (0..len).map(|i| (i * i / 7 + i * 31) as u8).collect();
     // Cameras do not set bits beyond their depth.
-    if format.pixel_format().bytes() == 2 && format == format.pixel_format().into() {
+    if format.pixel_format().bytes() == 2 && format.samples() == format.pixel_format().into() {
         for value in bytes.as_chunks_mut::<2>().0 {
             *value = (u16::from_le_bytes(*value) & format.pixel_format().max_value()).to_le_bytes();
         }
@@ -41,9 +40,9 @@ fn each_pixel_is_the_mean_of_its_square() {
         let whole = greys(pixel_format, &whole);
         for (region, binning) in REGIONS.into_iter().flat_map(|region| [(region, 1), (region, 2)]) {
             let readout = Readout::new(SENSOR_PX, region, binning).unwrap();
-            let mut reader = ImageReader::new(format, readout);
+            let mut reader = ImageReader::new(values_of(format), readout).unwrap();
             let mut out = vec![0xaa; reader.image_bytes()];
-            reader.read(&bytes, stride_bytes, &mut out).unwrap();
+            reader.read(0, &bytes, stride_bytes, &mut out).unwrap();
             let (found, [width, height]) = (greys(reader.pixel_format(), &out), readout.image_size_px());
             let [x, y, ..] = readout.region();
             for (v, u) in (0..height).flat_map(|v| (0..width).map(move |u| (v, u))) {
@@ -66,10 +65,10 @@ fn short_buffers_are_refused() {
     let readout = Readout::new(SENSOR_PX, REGIONS[0], 2).unwrap();
     for format in raw_formats() {
         let (bytes, stride_bytes) = source(format);
-        let mut reader = ImageReader::new(format, readout);
+        let mut reader = ImageReader::new(values_of(format), readout).unwrap();
         let mut out = vec![0; reader.image_bytes()];
-        assert!(reader.read(&bytes[..bytes.len() - 1], stride_bytes, &mut out).is_err(), "{format}");
-        assert!(reader.read(&bytes, format.least_stride_bytes(SENSOR_PX[0]) - 1, &mut out).is_err(), "{format}");
-        assert!(reader.read(&bytes, stride_bytes, &mut out[1..]).is_err(), "{format}");
+        assert!(reader.read(0, &bytes[..bytes.len() - 1], stride_bytes, &mut out).is_err(), "{format}");
+        assert!(reader.read(0, &bytes, format.least_stride_bytes(SENSOR_PX[0]) - 1, &mut out).is_err(), "{format}");
+        assert!(reader.read(0, &bytes, stride_bytes, &mut out[1..]).is_err(), "{format}");
     }
 }

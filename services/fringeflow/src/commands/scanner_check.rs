@@ -116,7 +116,7 @@ fn checked_cameras(
 ) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
     let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
     let wanted = setup.map(|setup| Wanted {
-        format: configuration.source_format,
+        format: configuration.device_images.format(),
         size_px: setup.readout.sensor_px(),
         rate_hz: configuration.rate_hz,
     });

@@ -27,7 +27,8 @@ impl Capture {
             CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
         };
         let timing = Timing::usual(id, host.configuration.frame_period_ns());
-        let reader = ImageReader::new(host.configuration.source_format, host.setup.readout);
+        let reader = ImageReader::new(host.configuration.device_images, host.setup.readout)
+            .map_err(|e| ServiceError::Unusable(e.to_string()))?;
         let (size_px, format) = (reader.image_size_px().map(|side| side as u32), reader.pixel_format());
         Ok(Self {
             id,
@@ -75,7 +76,7 @@ impl Capture {
         match shot.step.and_then(|step| images.image(self.id, shot.number, step)) {
             Some(image) if reader.is_passthrough(row_bytes) => output.send(header, image.bytes),
             Some(image) => output.send_filled(header, len, |pixels| {
-                if let Err(error) = reader.read(image.bytes, row_bytes, pixels) {
+                if let Err(error) = reader.read(0, image.bytes, row_bytes, pixels) {
                     tracing::warn!("{error}");
                 }
             }),

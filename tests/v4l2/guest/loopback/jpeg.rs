@@ -1,7 +1,8 @@
 //! Compressed images: their length changes from image to image, and they become grey levels.
 
+use fringeflow::geometry::Readout;
 use fringeflow_message::{DropReason, PixelFormat};
-use fringeflow_pixels::{SourceFormat, unpack};
+use fringeflow_pixels::{ImageReader, SourceFormat};
 
 use crate::guest::capture::Capture;
 use crate::scenes;
@@ -39,7 +40,8 @@ fn compressed_images_are_decoded_and_truncated_ones_counted() {
     let pixels = capture.witness.first_pixels();
     let done = capture.stop();
     let mut expected = vec![0; SIZE_PX[0] * SIZE_PX[1]];
-    unpack(SourceFormat::Mjpeg, IMAGES[0], 0, SIZE_PX, &mut expected).unwrap();
+    let mut reader = ImageReader::new(SourceFormat::Mjpeg.into(), Readout::whole(SIZE_PX)).unwrap();
+    reader.read(0, IMAGES[0], 0, &mut expected).unwrap();
     assert!(pixels == expected, "{:?} of {:?}", &pixels[..16], &expected[..16]);
     assert!(done.headers.iter().all(|header| header.pixel_format == PixelFormat::Grey.code()));
     assert_eq!((done.counts.taken, done.counts.passed), (5, 4), "{:?}", done.counts);

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use fringeflow_config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow_dataset::{CameraId, FringeSequence, GreyImage, Setup};
 use fringeflow_lab::simulation::{ConfiguredScanner, Faults, PoseImages, SimulationError, VirtualScanner};
-use fringeflow_pixels::{ImageReader, UnpackError};
+use fringeflow_pixels::{DeviceImagesError, ImageReader, UnpackError};
 use fringeflow_recording::{Recordable, RecordingProblem, TruthPose};
 use fringeflow_virtual_rig::cameras::{CableTriggers, ClockTriggers, Timing, Trigger, VirtualCamera};
 use fringeflow_virtual_rig::projector::VirtualProjector;
@@ -28,6 +28,9 @@ pub(super) enum LiveError {
     /// Invalid option of the virtual scanner.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
+    /// The format of the images does not fit their size.
+    #[error(transparent)]
+    Images(#[from] DeviceImagesError),
     /// An image cannot be unpacked, cropped or binned.
     #[error(transparent)]
     Image(#[from] UnpackError),
@@ -65,7 +68,7 @@ impl<'a> LiveScanner<'a> {
         setup: &Setup,
     ) -> Result<Self, LiveError> {
         let faults = Faults::new(options.faults)?;
-        let reader = ImageReader::new(configuration.source_format, setup.readout);
+        let reader = ImageReader::new(configuration.device_images, setup.readout)?;
         let (size_px, format) = (reader.image_size_px().map(|side| side as u32), reader.pixel_format());
         let camera = |id| {
             let timing = Timing::usual(id, configuration.frame_period_ns());
@@ -128,7 +131,7 @@ impl<'a> LiveScanner<'a> {
             let ([width, height], format) = (self.reader.image_size_px(), self.reader.pixel_format());
             for image in &mut images {
                 let mut pixels = vec![0; self.reader.image_bytes()];
-                self.reader.read(&image.pixels, row_bytes, &mut pixels)?;
+                self.reader.read(0, &image.pixels, row_bytes, &mut pixels)?;
                 *image = GreyImage { width, height, format, pixels };
             }
         }
