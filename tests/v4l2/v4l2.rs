@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of dropped images |
 //! | `guest::faults` | up to twelve vivid cameras | each error that vivid can inject, twenty times; signals |
-//! | `guest::loopback` | two v4l2loopback devices | the same clouds as from files; JPEG; cost |
+//! | `guest::loopback` | two v4l2loopback devices | the same clouds as from files; JPEG; skew of free cameras; cost |
 //!
 //! The loopback devices deliver images of the virtual scanner. Rates and latencies are not asserted: the machine is
 //! emulated and slow.

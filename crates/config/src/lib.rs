@@ -23,6 +23,7 @@
 
 mod cameras;
 mod health;
+mod max_skew;
 mod monitor;
 mod paths;
 mod processors;
@@ -46,6 +47,7 @@ use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 pub use cameras::{
     CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
+pub use max_skew::recorded_max_skew_ns;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
 pub use renamed_keys::rename_former_keys;

@@ -125,6 +125,7 @@ pub(super) struct RawPattern {
 pub(super) struct RawCameras {
     pub(super) source: String,
     pub(super) rate_hz: f64,
+    pub(super) max_skew_us: Option<f64>,
     pub(super) format: Option<String>,
     pub(super) bayer: Option<String>,
     pub(super) region_px: Option<[usize; 4]>,

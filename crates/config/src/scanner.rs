@@ -11,6 +11,7 @@ use fringeflow_dataset::{DatasetDescription, FringeSequence, SetupText};
 use fringeflow_pixels::DeviceImages;
 
 use super::cameras::{self, CameraSource};
+use super::max_skew::{self, with_max_skew};
 use super::monitor::{self, MonitorConfiguration};
 use super::paths::in_folder;
 use super::processors::{self, ProcessorsConfiguration};
@@ -37,6 +38,8 @@ pub struct ScannerConfiguration {
     pub readout: ReadoutConfiguration,
     /// Images per second of each camera.
     pub rate_hz: f64,
+    /// Longest time between the starts of both exposures of an image pair, nanoseconds.
+    pub max_skew_ns: u64,
     /// Source of the pattern events.
     pub projector: ProjectorDriver,
     /// Window stride, image pairs.
@@ -154,6 +157,7 @@ impl ScannerConfiguration {
             segment_table: segment_table(&raw, folder),
             rig,
             readout: readout(cameras, &source)?,
+            max_skew_ns: max_skew::max_skew_ns(cameras.max_skew_us, rate_hz)?,
             cameras: source,
             device_images,
             rate_hz,
@@ -188,6 +192,13 @@ impl ScannerConfiguration {
     #[must_use]
     pub fn frame_period_ns(&self) -> u64 {
         (1e9 / self.rate_hz) as u64
+    }
+
+    /// Returns the text for a recording: the file, with the limit of the skew stated even if it is the default. A
+    /// replay must make the same pairs, whatever the default is then.
+    #[must_use]
+    pub fn recorded_text(&self) -> String {
+        with_max_skew(&self.text, self.max_skew_ns)
     }
 
     /// Format of the images in the channels.

@@ -15,5 +15,6 @@ codes! {
         NumberingRestart = 6, "numbering_restart", "the sequence numbers of the driver started again";
         StampAhead = 7, "stamp_ahead", "a time stamp was later than the arrival of its image";
         StampJump = 8, "stamp_jump", "time stamps ran backwards or came from an unknown clock";
+        Skewed = 9, "skewed", "the cameras began to expose farther apart than cameras.max_skew_us";
     }
 }

@@ -57,6 +57,7 @@ codes! {
         Thinned = 28, "thinned", "the stage was busy with an earlier one and then took a newer one";
         NotTracked = 29, "not_tracked", "the cloud was not found on the model";
         Beginning = 30, "beginning", "its session has just started, so its window is not complete";
+        Skewed = 31, "skewed", "the cameras exposed farther apart than cameras.max_skew_us";
     }
 }
 

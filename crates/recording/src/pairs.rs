@@ -21,6 +21,12 @@ pub struct ImagePair {
 }
 
 impl ImagePair {
+    /// Time between the starts of both exposures, nanoseconds.
+    #[must_use]
+    pub fn skew_ns(&self) -> u64 {
+        self.cam1.exposure_start_ns.abs_diff(self.cam2.exposure_start_ns)
+    }
+
     /// Whether this pair directly follows `before`: no image is missing in between, and the step is the next one.
     #[must_use]
     pub fn follows(&self, before: &Self, steps: usize) -> bool {

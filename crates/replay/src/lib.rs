@@ -30,8 +30,8 @@ use std::path::PathBuf;
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::reconstruction::Reconstructor;
-use fringeflow_config::{Configuration, ConfigurationProblem};
-use fringeflow_recording::{Recording, RecordingError};
+use fringeflow_config::{Configuration, ConfigurationProblem, recorded_max_skew_ns};
+use fringeflow_recording::{ImagePair, Recording, RecordingError};
 
 pub use verify::{VerifiedCloud, VerifyOutcome, verify};
 pub use verify_poses::{VerifiedPoses, verify_poses};
@@ -68,6 +68,18 @@ pub enum ReplayError {
 pub fn configuration(recording: &Recording) -> Result<Configuration, ReplayError> {
     Configuration::parse_recorded(recording.configuration_text())
         .map_err(|problem| ReplayError::Configuration { file: recording.path().to_owned(), problem })
+}
+
+/// Returns the image pairs of a recording, without those that its limit of the skew refuses.
+///
+/// # Errors
+/// The configuration is invalid, or a pattern event cannot be read.
+pub fn pairs(recording: &Recording) -> Result<Vec<ImagePair>, ReplayError> {
+    let max_skew_ns = recorded_max_skew_ns(recording.configuration_text())
+        .map_err(|problem| ReplayError::Configuration { file: recording.path().to_owned(), problem })?;
+    let mut pairs = recording.pairs()?;
+    pairs.retain(|pair| max_skew_ns.is_none_or(|max_skew_ns| pair.skew_ns() <= max_skew_ns));
+    Ok(pairs)
 }
 
 /// Creates a reconstructor with the setup and configuration of a recording.

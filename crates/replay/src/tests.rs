@@ -107,3 +107,30 @@ fn images_in_the_wrong_order_give_another_result() {
     let recording = with_cloud(&folder, |header, _| header.window.cam1_sequence.swap(0, 1));
     assert_ne!(outcome(&recording), VerifyOutcome::Same);
 }
+
+#[test]
+fn pairs_beyond_the_limit_that_a_recording_states_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let imported = Recording::open(&imported(&folder)).unwrap();
+    let exposures_ns: Vec<u64> = imported.frame_headers(1).map(|header| header.exposure_start_ns).collect();
+    let pairs_with = |name: &str, limit: &str| {
+        let configuration = format!("[cameras]\nsource = \"external\"\nrate_hz = 50.0\n{limit}");
+        let (setup, origin) = (&dataset().setup, Origin::default());
+        let opening = Opening { setup, configuration: &configuration, origin: &origin, min_free_bytes: 0 };
+        let recorder = Recorder::create(&folder.path().join(name), &opening, DEFAULT_QUEUE_BYTES).unwrap();
+        for topic in [Topic::Cam1Frame, Topic::Cam2Frame] {
+            for message in imported.messages_of(topic) {
+                let Content::Frame(mut header, image) = message.unwrap().content else { panic!() };
+                // The second image of camera 2 is late.
+                let is_late = topic == Topic::Cam2Frame && header.exposure_start_ns == exposures_ns[1];
+                header.exposure_start_ns += if is_late { 1_000_001 } else { 0 };
+                recorder.push(&Recordable::Frame { header: &header, image: &image });
+            }
+        }
+        let recording = Recording::open(&recorder.finish().unwrap().file).unwrap();
+        pairs(&recording).unwrap().iter().map(|pair| pair.step).collect::<Vec<_>>()
+    };
+    assert_eq!(pairs_with("old.mcap", ""), [0, 1, 2, 3]);
+    assert_eq!(pairs_with("wide.mcap", "max_skew_us = 1000.001"), [0, 1, 2, 3]);
+    assert_eq!(pairs_with("narrow.mcap", "max_skew_us = 1000"), [0, 2, 3]);
+}

@@ -29,7 +29,7 @@ impl Input {
             return Ok(Self::Folder(Box::new(Dataset::open(path, unit)?)));
         }
         let recording = Recording::open(path)?;
-        let pairs = recording.pairs()?;
+        let pairs = fringeflow_replay::pairs(&recording)?;
         Ok(Self::Recording(Box::new(recording), pairs))
     }
 

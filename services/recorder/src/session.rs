@@ -30,7 +30,7 @@ impl Session {
         let settings = &host.configuration.recorder;
         let opening = Opening {
             setup: &host.setup,
-            configuration: &host.configuration.text,
+            configuration: &host.configuration.recorded_text(),
             origin: &Origin::here(),
             min_free_bytes: settings.min_free_bytes,
         };

@@ -28,5 +28,9 @@ pub(crate) fn scanner_at(signal: &str, controls: &str) -> String {
             number - 1
         )
     };
-    configuration(&scenes::all()[0], &format!("rate_hz = {rate_hz}.0\n{}{}", camera(1, controls), camera(2, "")), "")
+    // Both devices run free, at the same rate, and start at any time.
+    let max_skew_us = 5e5 / rate_hz.parse::<f64>().unwrap();
+    let cameras = [camera(1, controls), camera(2, "")].concat();
+    let cameras = format!("rate_hz = {rate_hz}.0\nmax_skew_us = {max_skew_us:.1}\n{cameras}");
+    configuration(&scenes::all()[0], &cameras, "")
 }

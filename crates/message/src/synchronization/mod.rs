@@ -23,6 +23,7 @@ mod gaps;
 mod pairing;
 mod reorder;
 mod settings;
+mod skew_limit;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -37,6 +38,7 @@ use steps::StepAssignment;
 use windows::WindowBuilder;
 
 pub use settings::{MIN_WAITING, Settings, SettingsError, StepSource};
+pub use skew_limit::SkewNotice;
 pub use windows::WindowImages;
 
 /// Creates windows from images. `F` is the handle of the pixels of an image; it is cloned into each window that
@@ -67,7 +69,7 @@ impl<F: Clone> Synchronizer<F> {
         settings.check()?;
         Ok(Self {
             settings,
-            pairing: Pairing::new(settings.half_period_ns()),
+            pairing: Pairing::new(&settings),
             steps: StepAssignment::new(settings),
             windows: WindowBuilder::new(settings),
             ready: VecDeque::new(),
@@ -132,7 +134,12 @@ impl<F: Clone> Synchronizer<F> {
         }
     }
 
-    /// Returns the skew of the pairs since the last call.
+    /// Returns the next notice that the skew of the cameras began or ceased to exceed its limit.
+    pub fn next_skew_notice(&mut self) -> Option<SkewNotice> {
+        self.pairing.next_skew_notice()
+    }
+
+    /// Returns the skew of the pairs since the last call, including the refused ones.
     pub fn take_skew(&mut self) -> Skew {
         self.pairing.take_skew()
     }

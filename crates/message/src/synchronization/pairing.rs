@@ -1,13 +1,16 @@
 //! Pairs the images of both cameras that show the same exposure.
 //!
-//! Two images show the same exposure if their exposures start within half a frame period. The difference of their
-//! sequence numbers is constant in a session. If the times contradict it, the new difference is accepted, but the pair
-//! that shows it is dropped. An image waits until the other camera has delivered a later one.
+//! Two images are partners if their exposures start within half a frame period. A pair whose exposures start farther
+//! apart than the limit of the skew shows two moments, and is dropped. The difference of the sequence numbers is
+//! constant in a session. If the times contradict it, the new difference is accepted, but the pair that shows it is
+//! dropped. An image waits until the other camera has delivered a later one.
 
-use crate::{Counts, DropReason, FrameHeader, Skew};
+use crate::{Counts, DropReason, FrameHeader, Incident, Skew};
 
 use super::gaps::{Arrival, GapCounter};
 use super::reorder::{Place, Placed, ReorderBuffer};
+use super::settings::Settings;
+use super::skew_limit::{SkewLimit, SkewNotice};
 
 /// Longest time from the exposure of an image to its arrival on this machine, nanoseconds.
 const MAX_LATENCY_NS: u64 = 3_600_000_000_000;
@@ -30,6 +33,8 @@ pub(super) struct Pairing<F> {
     cameras: [ReorderBuffer<Image<F>>; 2],
     gaps: [GapCounter; 2],
     offset: Option<Offset>,
+    limit: SkewLimit,
+    /// Skew of the pairs, the refused ones included: it tells why they are refused.
     skew: Skew,
 }
 
@@ -69,10 +74,15 @@ impl<F> Pair<F> {
 }
 
 impl<F> Pairing<F> {
-    pub(super) fn new(half_period_ns: u64) -> Self {
-        let cameras = [ReorderBuffer::new(), ReorderBuffer::new()];
-        let gaps = [GapCounter::new(0), GapCounter::new(0)];
-        Self { half_period_ns, cameras, gaps, offset: None, skew: Skew::default() }
+    pub(super) fn new(settings: &Settings) -> Self {
+        Self {
+            half_period_ns: settings.half_period_ns(),
+            cameras: [ReorderBuffer::new(), ReorderBuffer::new()],
+            gaps: [GapCounter::new(0), GapCounter::new(0)],
+            offset: None,
+            limit: SkewLimit::new(settings.max_skew_ns),
+            skew: Skew::default(),
+        }
     }
 
     /// Sets the next number that a camera publishes.
@@ -120,12 +130,19 @@ impl<F> Pairing<F> {
                 continue;
             }
             let pair = Pair([first.take_next()?, second.take_next()?]);
-            if self.has_known_offset(places) {
-                self.skew.add(pair.skew_ns());
-                return Some(pair);
-            }
-            counts.drop_many(DropReason::BadTime, 2);
+            let has_known_offset = self.has_known_offset(places);
+            let reason = match self.is_within_limit(&pair, counts) {
+                true if has_known_offset => return Some(pair),
+                true => DropReason::BadTime,
+                false => DropReason::Skewed,
+            };
+            counts.drop_many(reason, 2);
         }
+    }
+
+    /// Returns the next notice about the skew of the cameras.
+    pub(super) fn next_skew_notice(&mut self) -> Option<SkewNotice> {
+        self.limit.next_notice()
     }
 
     /// Skew of the pairs since the last call.
@@ -152,6 +169,7 @@ impl<F> Pairing<F> {
         for reorder in &mut self.cameras {
             counts.drop_many(DropReason::Stopped, reorder.take_waiting().count() as u64);
         }
+        self.limit.end();
     }
 
     /// Counts the image and the lost images before it; `false` if the image itself was already counted as lost.
@@ -161,6 +179,18 @@ impl<F> Pairing<F> {
         counts.taken += lost + 1;
         counts.drop_many(DropReason::Overrun, lost);
         true
+    }
+
+    /// Whether the exposures of a pair start close enough together. The begin of refusals counts as an incident.
+    fn is_within_limit(&mut self, pair: &Pair<F>, counts: &mut Counts) -> bool {
+        let skew_ns = pair.skew_ns();
+        self.skew.add(skew_ns);
+        let was_refusing = self.limit.is_refusing();
+        let is_within = self.limit.admits(skew_ns, pair.exposure_start_ns());
+        if self.limit.is_refusing() && !was_refusing {
+            counts.note(Incident::Skewed, 1);
+        }
+        is_within
     }
 
     /// Whether the numbers of a pair have the offset of the pairs before it. The offset of this pair is known from then

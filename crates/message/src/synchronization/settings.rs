@@ -14,6 +14,8 @@ pub struct Settings {
     pub images: usize,
     /// Time from one exposure to the next, nanoseconds. An error of some percent is allowed.
     pub frame_period_ns: u64,
+    /// Longest time between the starts of both exposures of a pair, nanoseconds. At most half of the frame period.
+    pub max_skew_ns: u64,
     /// Source of the step of a pair.
     pub source: StepSource,
     /// Pairs from one window to the next: 1 for a window at every pair, N for disjoint windows that end with the last
@@ -59,6 +61,16 @@ pub enum SettingsError {
         /// The value.
         frame_period_ns: u64,
     },
+    /// The limit of the skew is 0, or above half of the frame period.
+    #[error(
+        "the largest skew is {max_skew_ns} ns; it must lie between 1 ns and half of the frame period, {half_period_ns} ns"
+    )]
+    MaxSkew {
+        /// The value.
+        max_skew_ns: u64,
+        /// Half of the frame period.
+        half_period_ns: u64,
+    },
     /// The fringe period is not a positive number.
     #[error("the fringe period is {period_px} px; it must be a finite number above 0")]
     FringePeriod {
@@ -86,7 +98,7 @@ impl Settings {
     }
 
     pub(super) fn check(&self) -> Result<(), SettingsError> {
-        let Self { steps, images, frame_period_ns, source, window_stride, max_waiting } = *self;
+        let Self { steps, images, frame_period_ns, max_skew_ns, source, window_stride, max_waiting } = *self;
         if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
             return Err(SettingsError::Steps { steps });
         }
@@ -95,6 +107,10 @@ impl Settings {
         }
         if frame_period_ns < 1000 {
             return Err(SettingsError::FramePeriod { frame_period_ns });
+        }
+        let half_period_ns = self.half_period_ns();
+        if !(1..=half_period_ns).contains(&max_skew_ns) {
+            return Err(SettingsError::MaxSkew { max_skew_ns, half_period_ns });
         }
         if let StepSource::Events { period_px } = source
             && !(period_px.is_finite() && period_px > 0.0)

@@ -122,7 +122,7 @@ impl Args {
     fn export_images(&self) -> Result<usize, Failure> {
         check_new(&self.output)?;
         let recording = Recording::open(&self.input)?;
-        let pairs = recording.pairs()?;
+        let pairs = fringeflow_replay::pairs(&recording)?;
         let range = self.frames.clone().unwrap_or(0..pairs.len());
         let steps = recording.setup().steps;
         let chosen = pairs.get(range.clone()).filter(|chosen| chosen.len() >= steps);

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use fringeflow_config::{ProjectorDriver, ScannerConfiguration};
 use fringeflow_dataset::Setup;
-use fringeflow_message::synchronization::{Settings, StepSource, Synchronizer, WindowImages};
-use fringeflow_message::{Counts, DropReason, FrameHeader, PatternEvent, PixelFormat, Stage};
+use fringeflow_message::synchronization::{Settings, SkewNotice, StepSource, Synchronizer, WindowImages};
+use fringeflow_message::{Counts, DropReason, FrameHeader, Incident, PatternEvent, PixelFormat, Stage};
 use fringeflow_runtime::{Account, AccountError, Arrivals, Host, ServiceError, receive};
 use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, PROJECTOR_PATTERN, Received, Subscriber, TransportError, wait_for};
 
@@ -171,6 +171,9 @@ impl Intake {
     ) -> Result<(), ServiceError> {
         let first = self.windowing.account.counts().passed;
         self.write_accounts()?;
+        while let Some(notice) = self.synchronizer.next_skew_notice() {
+            log_skew(notice);
+        }
         for number in first.. {
             let Some(window) = self.synchronizer.next_window() else { break };
             on_window(number, window)?;
@@ -206,6 +209,25 @@ impl StageAccount {
     }
 }
 
+/// Logs that the cameras began or ceased to expose too far apart, with the remedy.
+fn log_skew(notice: SkewNotice) {
+    let ms = |ns: u64| ns as f64 * 1e-6;
+    match notice {
+        SkewNotice::Began { skew_ns, max_skew_ns } => tracing::warn!(
+            incident = Incident::Skewed.name(),
+            "camera 2 exposes {:.3} ms {} camera 1, more than cameras.max_skew_us allows ({:.3} ms): such pairs are \
+             dropped. Trigger both cameras by one signal, or use a module whose two sensors are synchronized. If they \
+             are, check stamp, exposure_us and readout_us of both",
+            ms(skew_ns.unsigned_abs()),
+            if skew_ns < 0 { "before" } else { "after" },
+            ms(max_skew_ns),
+        ),
+        SkewNotice::Ended { refused_pairs } => {
+            tracing::info!("{refused_pairs} image pairs were dropped because the cameras exposed too far apart");
+        }
+    }
+}
+
 fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
     let period_px = setup.sequence.pattern.period_px;
     let images = configuration.measurement.settings.window_images(setup.steps);
@@ -213,6 +235,7 @@ fn settings(configuration: &ScannerConfiguration, setup: &Setup) -> Settings {
         steps: setup.steps,
         images,
         frame_period_ns: configuration.frame_period_ns(),
+        max_skew_ns: configuration.max_skew_ns,
         source: match configuration.projector {
             ProjectorDriver::Cycle => StepSource::Cycle,
             ProjectorDriver::Virtual | ProjectorDriver::External => StepSource::Events { period_px },

@@ -2,9 +2,11 @@
 
 mod cost;
 mod feeder;
+mod free_running;
 mod jpeg;
 mod pipeline;
 mod silence;
+mod ticking;
 mod writer;
 
 use std::time::Duration;
@@ -37,7 +39,13 @@ fn scanner(scene: &Scene, format: &str, settings: &str) -> String {
         let device = DEVICES[number - 1];
         format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{settings}\n")
     };
-    let cameras = format!("rate_hz = {RATE_HZ:.1}\nformat = \"{format}\"\n{}{}", camera(1), camera(2));
+    // Both images of a pair are written one after the other, and this machine may pause in between.
+    let max_skew_us = 4e5 / RATE_HZ;
+    let cameras = format!(
+        "rate_hz = {RATE_HZ:.1}\nmax_skew_us = {max_skew_us:.1}\nformat = \"{format}\"\n{}{}",
+        camera(1),
+        camera(2)
+    );
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
     configuration(scene, &cameras, &rest)
 }

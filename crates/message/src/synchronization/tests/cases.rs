@@ -16,6 +16,7 @@ fn settings() -> Settings {
         steps: STEPS,
         images: STEPS,
         frame_period_ns: PERIOD_NS,
+        max_skew_ns: PERIOD_NS / 2,
         source,
         window_stride: 1,
         max_waiting: STEPS + 3,
@@ -242,6 +243,11 @@ fn settings_out_of_range_are_refused() {
     assert_eq!(refused(Settings { images: 3, ..settings() }), SettingsError::Images { images: 3, steps: STEPS });
     let frame_period_ns = 999;
     assert_eq!(refused(Settings { frame_period_ns, ..settings() }), SettingsError::FramePeriod { frame_period_ns });
+    let half_period_ns = PERIOD_NS / 2;
+    for max_skew_ns in [0, half_period_ns + 1, u64::MAX] {
+        let error = SettingsError::MaxSkew { max_skew_ns, half_period_ns };
+        assert_eq!(refused(Settings { max_skew_ns, ..settings() }), error);
+    }
     let source = StepSource::Events { period_px: f64::NAN };
     assert!(matches!(refused(Settings { source, ..settings() }), SettingsError::FringePeriod { .. }));
     assert_eq!(refused(Settings { window_stride: 0, ..settings() }), SettingsError::WindowStride);

@@ -9,6 +9,8 @@ use crate::synchronization::{Settings, StepSource};
 pub(super) const PERIOD_NS: u64 = 10_000_000;
 pub(super) const PERIOD_PX: f64 = 16.0;
 const START_NS: u64 = 5_000_000_000;
+/// Above the skew and the jitter of all plans, below half of their shortest period.
+const MAX_SKEW_NS: u64 = PERIOD_NS * 45 / 100;
 
 /// The true properties of an image, used in place of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -156,6 +158,7 @@ impl Plan {
             steps: self.steps,
             images: self.images,
             frame_period_ns: (PERIOD_NS as f64 * (1.0 + self.period_error)) as u64,
+            max_skew_ns: MAX_SKEW_NS,
             source: if self.cycle { StepSource::Cycle } else { StepSource::Events { period_px: PERIOD_PX } },
             window_stride: self.window_stride,
             max_waiting: 10_000,

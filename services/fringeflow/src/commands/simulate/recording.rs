@@ -40,8 +40,8 @@ pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json
     let patterns = seconds.map_or(round, |seconds| (seconds * configuration.rate_hz).round().max(1.0) as u64);
     let live = LiveScanner::new(&scanner, &configuration, &options, &setup);
     let mut live = live.map_err(|e| unusable(&e))?;
-    let opening =
-        Opening { setup: &setup, configuration: &configuration.text, origin: &Origin::default(), min_free_bytes: 0 };
+    let text = configuration.recorded_text();
+    let opening = Opening { setup: &setup, configuration: &text, origin: &Origin::default(), min_free_bytes: 0 };
     let mut recorder = OfflineRecorder::create(target, &opening)?;
     let bar = progress::bar("taking images", patterns);
     let ran = live.run(patterns, &mut |message| recorder.put(message), || bar.inc(1));
