@@ -9,6 +9,7 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat};
 
 use super::ConfigurationProblem;
+use super::extension_units::{self, ExtensionUnitSetting};
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
 
 /// Minimum default time without an image after which a camera counts as stalled, milliseconds.
@@ -50,6 +51,8 @@ pub struct V4l2Camera {
     pub video_timings: Option<VideoTimings>,
     /// Controls by the names that `v4l2-ctl` prints.
     pub controls: BTreeMap<String, ControlValue>,
+    /// Settings of the extension units of a UVC device, in the order in which they are set.
+    pub extension_units: Vec<ExtensionUnitSetting>,
 }
 
 /// How a device is named.
@@ -274,6 +277,7 @@ fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, Configur
         set_rate: raw.set_rate.unwrap_or(true),
         video_timings: raw.video_timings.as_deref().map(video_timings).transpose()?,
         controls: raw.controls.iter().map(control).collect::<Result<_, _>>()?,
+        extension_units: raw.extension_units.iter().map(extension_units::setting).collect::<Result<_, _>>()?,
     })
 }
 
@@ -355,13 +359,14 @@ mod tests {
         assert_eq!((cam1.buffers, cam1.timeout_ns, cam1.readout_ns), (8, 2_000_000_000, 0));
         assert_eq!((cam1.trigger, cam1.stamp), (Trigger::Free, StampMoment::Driver));
         assert_eq!((cam1.exposure_ns, cam1.video_timings, cam1.set_rate), (None, None, true));
-        assert!(cam1.controls.is_empty());
+        assert!(cam1.controls.is_empty() && cam1.extension_units.is_empty());
     }
 
     #[test]
     fn all_keys_of_a_camera_are_read() {
         let keys = "buffers = 16\ntimeout_ms = 250\ntrigger = \"external\"\nstamp = \"end\"\nexposure_us = 8333.5\n\
-                    readout_us = 20\nset_rate = false\nvideo_timings = \"1280x1024@59.94\"\n[cameras.cam2.controls]\n\
+                    readout_us = 20\nset_rate = false\nextension_units = [{ unit = 3, selector = 2, bytes = \"01 00\" }, \
+                    { unit = 3, selector = 1, bytes = \"0f\" }]\nvideo_timings = \"1280x1024@59.94\"\n[cameras.cam2.controls]\n\
                     gain = 4\nauto_exposure = \"Manual Mode\"\nhorizontal_flip = true\n";
         let [_, cam2] = cameras(&format!("{TWO_DEVICES}{keys}")).unwrap();
         assert_eq!((cam2.buffers, cam2.timeout_ns), (16, 250_000_000));
@@ -369,6 +374,9 @@ mod tests {
         assert_eq!((cam2.exposure_ns, cam2.readout_ns), (Some(8_333_500), 20_000));
         assert_eq!(cam2.video_timings, Some(VideoTimings::Signal { size_px: [1280, 1024], rate_hz: 59.94 }));
         let controls: Vec<String> = cam2.controls.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        let settings =
+            cam2.extension_units.iter().map(|setting| (setting.unit, setting.selector, setting.bytes.clone()));
+        assert_eq!(settings.collect::<Vec<_>>(), [(3, 2, vec![1, 0]), (3, 1, vec![15])]);
         assert_eq!(controls, ["auto_exposure=\"Manual Mode\"", "gain=4", "horizontal_flip=true"]);
     }
 
@@ -382,6 +390,10 @@ mod tests {
         assert!(with("trigger = \"none\"").contains("[\"free\", \"external\"]"));
         assert!(with("stamp = \"middle\"").contains("[\"driver\", \"start\", \"end\"]"));
         assert!(with("video_timings = \"1280@60\"").contains("\"1280x1024@60\""));
+        assert!(
+            with("extension_units = [{ unit = 1, selector = 1, bytes = \"1\" }]")
+                .contains("in [cameras.cam2]: key extension_units.bytes is \"1\"")
+        );
         assert!(with("buffer = 3").contains("buffer"));
         assert!(with("[cameras.cam2.controls]\ngain = 1.5").contains("gain is 1.5; a control must be an integer"));
     }

@@ -22,6 +22,7 @@
 #![forbid(unsafe_code)]
 
 mod cameras;
+mod extension_units;
 mod health;
 mod max_skew;
 mod monitor;
@@ -47,6 +48,7 @@ use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
 pub use cameras::{
     CameraSource, ControlValue, DeviceName, DeviceNameError, StampMoment, Trigger, V4l2Camera, VideoTimings,
 };
+pub use extension_units::ExtensionUnitSetting;
 pub use max_skew::recorded_max_skew_ns;
 pub use monitor::{Listen, MonitorConfiguration};
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};

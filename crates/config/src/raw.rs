@@ -148,6 +148,16 @@ pub(super) struct RawV4l2Camera {
     pub(super) video_timings: Option<String>,
     #[serde(default)]
     pub(super) controls: toml::Table,
+    #[serde(default)]
+    pub(super) extension_units: Vec<RawExtensionUnit>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawExtensionUnit {
+    pub(super) unit: u8,
+    pub(super) selector: u8,
+    pub(super) bytes: String,
 }
 
 #[derive(Deserialize, Default)]

@@ -95,10 +95,10 @@ requests! {
     REQBUFS: v4l2_requestbuffers = vidioc::VIDIOC_REQBUFS,
     STREAMON: c_int = vidioc::VIDIOC_STREAMON,
     STREAMOFF: c_int = vidioc::VIDIOC_STREAMOFF,
-    S_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, 87),
-    G_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, 88),
-    ENUM_DV_TIMINGS: v4l2_enum_dv_timings = call_code::<v4l2_enum_dv_timings>(READ_WRITE, 98),
-    QUERY_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ, 99),
+    S_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, b'V', 87),
+    G_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ_WRITE, b'V', 88),
+    ENUM_DV_TIMINGS: v4l2_enum_dv_timings = call_code::<v4l2_enum_dv_timings>(READ_WRITE, b'V', 98),
+    QUERY_DV_TIMINGS: v4l2_dv_timings = call_code::<v4l2_dv_timings>(READ, b'V', 99),
 }
 
 // The arguments of these calls hold pointers. Only functions of this file make the calls.
@@ -106,15 +106,27 @@ const QUERYBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_QUERYBUF, "VI
 const QBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_QBUF, "VIDIOC_QBUF");
 const DQBUF: Request<v4l2_buffer> = Request::new(vidioc::VIDIOC_DQBUF, "VIDIOC_DQBUF");
 const G_EXT_CTRLS: Request<v4l2_ext_controls> = Request::new(vidioc::VIDIOC_G_EXT_CTRLS, "VIDIOC_G_EXT_CTRLS");
+const UVC_CTRL_QUERY: Request<UvcControlQuery> =
+    Request::new(call_code::<UvcControlQuery>(READ_WRITE, b'u', 0x21), "UVCIOC_CTRL_QUERY");
 const S_EXT_CTRLS: Request<v4l2_ext_controls> = Request::new(vidioc::VIDIOC_S_EXT_CTRLS, "VIDIOC_S_EXT_CTRLS");
 
 /// Directions of a call, as in the kernel's `_IOC`.
 const READ: vidioc::_IOC_TYPE = 2;
 const READ_WRITE: vidioc::_IOC_TYPE = 3;
 
-/// Computes the code of a call that the `v4l` crate lacks.
-const fn call_code<T>(direction: vidioc::_IOC_TYPE, number: vidioc::_IOC_TYPE) -> vidioc::_IOC_TYPE {
-    direction << 30 | (size_of::<T>() as vidioc::_IOC_TYPE) << 16 | (b'V' as vidioc::_IOC_TYPE) << 8 | number
+/// Computes the code of a call that the `v4l` crate lacks. `group` is the letter of its family.
+const fn call_code<T>(direction: vidioc::_IOC_TYPE, group: u8, number: vidioc::_IOC_TYPE) -> vidioc::_IOC_TYPE {
+    direction << 30 | (size_of::<T>() as vidioc::_IOC_TYPE) << 16 | (group as vidioc::_IOC_TYPE) << 8 | number
+}
+
+/// `uvc_xu_control_query`: the argument of a query to an extension unit.
+#[repr(C)]
+struct UvcControlQuery {
+    unit: u8,
+    selector: u8,
+    query: u8,
+    size: u16,
+    data: *mut u8,
 }
 
 /// A call that the driver refused.
@@ -299,6 +311,34 @@ impl Device {
         // The control and the string that it may point to outlive the call.
         controls.controls = control;
         self.call(request, &mut controls)
+    }
+
+    /// Queries a control of an extension unit of a UVC device. `query` is the code of the UVC request; `data` is sent
+    /// by a request that sets the control, and filled by all others.
+    ///
+    /// # Errors
+    /// The driver refuses it, or `data` is longer than a request can be.
+    pub(crate) fn query_extension_unit(
+        &self,
+        [unit, selector]: [u8; 2],
+        query: u8,
+        data: &mut [u8],
+    ) -> Result<(), CallError> {
+        let too_long = |_| CallError { call: UVC_CTRL_QUERY.name, source: rustix::io::Errno::RANGE.into() };
+        let size = u16::try_from(data.len()).map_err(too_long)?;
+        // The data outlives the call, and the driver reads or writes `size` bytes of it.
+        self.call(&UVC_CTRL_QUERY, &mut UvcControlQuery { unit, selector, query, size, data: data.as_mut_ptr() })
+    }
+
+    /// Returns the flags of a buffer that was requested.
+    ///
+    /// # Errors
+    /// The driver refuses it.
+    pub(crate) fn buffer_flags(&self, kind: BufferKind, index: u32) -> Result<u32, CallError> {
+        let mut planes = [zeroed(); MAX_PLANES];
+        let mut buffer = v4l2_buffer { index, ..buffer_argument(kind, &mut planes) };
+        self.call(&QUERYBUF, &mut buffer)?;
+        Ok(buffer.flags)
     }
 
     /// Maps the planes of a buffer of a stream, and returns its token: after `REQBUFS` the driver owns no buffer.

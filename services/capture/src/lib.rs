@@ -13,9 +13,9 @@ mod queue;
 mod time_stamps;
 
 pub use device::{
-    CameraError, Control, ControlError, ControlKind, ControlProblem, FindError, FormatError, ListedControl, Listing,
-    MenuItem, OfferedFormat, OfferedSize, OpenError, PrepareError, RateError, ReadyCamera, TimingsError, VideoSignal,
-    Wanted, cameras, check_cameras, describe, rates_text,
+    CameraError, Control, ControlError, ControlKind, ControlProblem, ExtensionUnitError, ExtensionUnitProblem,
+    FindError, FormatError, ListedControl, Listing, MenuItem, OfferedFormat, OfferedSize, OpenError, PrepareError,
+    RateError, ReadyCamera, TimingsError, VideoSignal, Wanted, cameras, check_cameras, describe, rates_text,
 };
 pub use ioctl::CallError;
 

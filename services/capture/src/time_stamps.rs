@@ -18,6 +18,16 @@ const START_OF_EXPOSURE: u32 = 0x0001_0000;
 /// Greatest age of the first image of a stream on arrival, nanoseconds.
 const MAX_FIRST_AGE_NS: i128 = 10_000_000_000;
 
+/// Whether the flags of a buffer declare stamps of the start of the exposure.
+pub(crate) fn is_start_of_exposure(flags: u32) -> bool {
+    flags & START_OF_EXPOSURE != 0
+}
+
+/// Whether the flags of a buffer name the monotonic clock.
+pub(crate) fn is_monotonic(flags: u32) -> bool {
+    flags & CLOCK_MASK == CLOCK_MONOTONIC
+}
+
 /// Timing of a camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timing {
@@ -94,7 +104,7 @@ impl StampClock {
     fn delay_ns(&self, flags: u32) -> i128 {
         let Timing { exposure_ns, readout_ns, moment, .. } = self.timing;
         let is_start = match moment {
-            StampMoment::Driver => flags & START_OF_EXPOSURE != 0,
+            StampMoment::Driver => is_start_of_exposure(flags),
             StampMoment::Start => true,
             StampMoment::End => false,
         };
@@ -124,11 +134,10 @@ fn place_first(stamp_ns: i128, delay_ns: i128, flags: u32, now_ns: u64) -> (Base
     let age_ns = i128::from(now_ns) - (stamp_ns - delay_ns);
     let at_arrival = Base { shift_ns: age_ns, last_ns: stamp_ns };
     let as_stamped = Base { shift_ns: 0, last_ns: stamp_ns };
-    let is_monotonic = flags & CLOCK_MASK == CLOCK_MONOTONIC;
     // A plausible age means the monotonic clock, even if the driver does not name it.
     if (0..=MAX_FIRST_AGE_NS).contains(&age_ns) {
         (as_stamped, None)
-    } else if is_monotonic && (-MAX_FIRST_AGE_NS..0).contains(&age_ns) {
+    } else if is_monotonic(flags) && (-MAX_FIRST_AGE_NS..0).contains(&age_ns) {
         (at_arrival, Some(StampFault::Ahead { by_ns: age_ns.unsigned_abs() as u64 }))
     } else {
         (at_arrival, Some(StampFault::Jump))

@@ -9,8 +9,9 @@ use crate::ioctl::Device;
 use super::capability::Capability;
 use super::controls::{self, Control};
 use super::find::{FindError, Node, find_device, list_nodes, open_node, read_node_at};
+use super::format;
 use super::offer::{self, OfferedFormat};
-use super::timings;
+use super::{stamp_source, timings};
 
 /// A device and its properties, as far as they could be read.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -31,6 +32,8 @@ pub struct Listing {
     pub formats: Vec<OfferedFormat>,
     /// Video signal of a frame grabber.
     pub video_signal: Option<VideoSignal>,
+    /// What its time stamps mark; `None` if it is not a camera at present.
+    pub time_stamps: Option<String>,
     /// Controls.
     pub controls: Vec<ListedControl>,
     /// What could not be read, and why the device is not a camera.
@@ -94,6 +97,7 @@ fn list_device(node: &Node, all: &[Node]) -> Listing {
         serial: node.serial.clone(),
         formats: Vec::new(),
         video_signal: None,
+        time_stamps: None,
         controls: Vec::new(),
         problems: Vec::new(),
     };
@@ -114,7 +118,11 @@ impl Listing {
             Err(error) => return self.problems.push(error.to_string()),
         };
         match capability.buffer_type() {
-            Ok(kind) => self.formats = offer::list_formats(&device, kind),
+            Ok(kind) => {
+                self.formats = offer::list_formats(&device, kind);
+                let layout = format::read(&device, kind).ok();
+                self.time_stamps = layout.map(|layout| stamp_source::describe(&device, capability, layout.kind));
+            }
             Err(what) => self.problems.push(format!("it is {what}")),
         }
         self.video_signal = timings::input_has_timings(&device).then(|| video_signal(&device));

@@ -9,6 +9,7 @@
 
 mod capability;
 mod controls;
+mod extension_units;
 mod find;
 mod format;
 mod inventory;
@@ -17,9 +18,11 @@ mod prepare;
 mod rate;
 mod ready;
 mod setting;
+mod stamp_source;
 mod timings;
 
 pub use controls::{Control, ControlKind, MenuItem};
+pub use extension_units::{ExtensionUnitError, ExtensionUnitProblem};
 pub use find::{FindError, OpenError};
 pub use format::FormatError;
 pub use inventory::{ListedControl, Listing, VideoSignal, cameras, describe};

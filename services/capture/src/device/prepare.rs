@@ -15,6 +15,7 @@ use crate::ioctl::{BufferKind, CallError, Device};
 
 use super::capability::Capability;
 use super::controls::{self, Control};
+use super::extension_units::{self, ExtensionUnitError};
 use super::find::is_lasting;
 use super::format::{self, FormatError, Layout, format_text};
 use super::offer::{self, rate_text};
@@ -73,6 +74,9 @@ pub enum PrepareError {
     /// The controls.
     #[error("{}", Joined(.0))]
     Controls(Vec<ControlError>),
+    /// A setting of an extension unit.
+    #[error(transparent)]
+    ExtensionUnit(#[from] ExtensionUnitError),
     /// A setting changed the format.
     #[error(
         "after all settings the device sends {found} instead of {wanted}; leave out the control that changes the format"
@@ -100,6 +104,7 @@ impl PrepareError {
             | Self::Rate(RateError::Refused { source: error, .. })
             | Self::Timings(TimingsError::Call { source: error, .. }) => is_lasting(&error.source),
             Self::Controls(errors) => errors.iter().any(ControlError::is_lasting),
+            Self::ExtensionUnit(error) => error.is_lasting(),
             Self::NoCamera { .. } | Self::Timings(_) | Self::Format(_) | Self::Rate(_) | Self::FormatChanged { .. } => {
                 true
             }
@@ -125,6 +130,7 @@ pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> 
         rate::set(device, kind, rate_hz)?;
     }
     setting::set(device, &controls, &after).map_err(PrepareError::Controls)?;
+    let units = extension_units::set(device, &capability, &camera.extension_units)?;
     let mut notes = vec![format_text(layout.code, layout.size_px)];
     // Only now: a later setting may have changed an earlier one, or the format.
     let read = setting::read_back(device, &controls, &camera.controls).map_err(PrepareError::Controls)?;
@@ -143,6 +149,7 @@ pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> 
             .map_or_else(|| "exposure time unknown".to_owned(), |ns| format!("exposure {} ms", ns as f64 * 1e-6)),
     );
     notes.extend(read);
+    notes.extend(units);
     Ok(Prepared { kind: layout.kind, stride_bytes: layout.stride_bytes as usize, exposure_ns, notes })
 }
 

@@ -3,12 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow_config::V4l2Camera;
+use fringeflow_config::{StampMoment, V4l2Camera};
 
-use crate::ioctl::{CallError, Device};
+use crate::ioctl::{BufferKind, CallError, Device};
 
+use super::capability::Capability;
 use super::find::{FindError, find_device, open_node};
 use super::prepare::{PrepareError, Prepared, Wanted, prepare};
+use super::stamp_source;
 
 /// A camera that is connected and takes its settings. It is closed again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -68,7 +70,10 @@ impl CameraError {
 /// are only found.
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
-        Some(wanted) => open_at(&path, camera, wanted).map(|(_, prepared)| ReadyCamera { path, notes: prepared.notes }),
+        Some(wanted) => open_at(&path, camera, wanted).map(|(device, prepared)| {
+            let stamps = stamps_text(&device, camera.stamp, prepared.kind);
+            ReadyCamera { path, notes: prepared.notes.into_iter().chain([stamps]).collect() }
+        }),
         None => Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] }),
     };
     let [cam1, cam2] = cameras;
@@ -81,6 +86,19 @@ pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Res
             path1.map_err(CameraError::Find).and_then(|path| check(cam1, path)),
             path2.map_err(CameraError::Find).and_then(|path| check(cam2, path)),
         ],
+    }
+}
+
+/// Describes the time stamps of a device, and how the configuration takes them.
+fn stamps_text(device: &Device, moment: StampMoment, kind: BufferKind) -> String {
+    let declared = match Capability::read(device) {
+        Ok(capability) => stamp_source::describe(device, &capability, kind),
+        Err(error) => format!("time stamps unknown ({error})"),
+    };
+    match moment {
+        StampMoment::Driver => declared,
+        StampMoment::Start => declared + ", configured as the start of the exposure",
+        StampMoment::End => declared + ", configured as the end of the image",
     }
 }
 

@@ -63,6 +63,9 @@ fn print(out: &mut impl Write, listing: &Listing) -> io::Result<()> {
     if let Some(signal) = &listing.video_signal {
         writeln!(out, "  video signal: set to {}, detected {}", signal.set, signal.seen)?;
     }
+    if let Some(stamps) = &listing.time_stamps {
+        writeln!(out, "  {stamps}")?;
+    }
     let (taken, others): (Vec<_>, Vec<_>) = listing.formats.iter().partition(|format| format.is_taken);
     if !taken.is_empty() {
         writeln!(out, "  formats for cameras.format, with images per second in brackets")?;
