@@ -18,7 +18,7 @@
 use rayon::prelude::*;
 
 use super::image::Image;
-use super::votes::{Directions, FAR, walk};
+use super::votes::{Directions, FAR, Side, walk};
 use crate::correspondence::neighbourhood::TURN;
 
 /// Least rise of the unwrapped phase that tells an order.
@@ -43,20 +43,22 @@ struct Order {
 impl Image<'_> {
     /// The decided pixels whose coordinate in C2 runs against the unwrapped phase along the epipolar direction.
     pub(super) fn violate_monotony(&self) -> Vec<usize> {
-        let orientation = self.orientation();
+        let sides = self.sides(Directions::Along);
+        let orientation = self.orientation(sides);
         let violates = |&pixel: &usize| {
-            let Order { agreeing, contradicting } = self.order_of(pixel, orientation);
+            let Order { agreeing, contradicting } = self.order_of(pixel, sides, orientation);
             contradicting > agreeing
         };
         (0..self.absolute.len()).into_par_iter().filter(violates).collect()
     }
 
     /// The orientation of most pairs of neighbours.
-    fn orientation(&self) -> Orientation {
+    fn orientation(&self, sides: &[Side]) -> Orientation {
         let (mut same, mut opposite) = (0_u64, 0_u64);
         for pixel in 0..self.absolute.len() {
             self.visit_steps(
                 pixel,
+                sides,
                 |rise, step_px| {
                     if (rise > 0) == (step_px > 0.0) { same += 1 } else { opposite += 1 }
                 },
@@ -66,9 +68,9 @@ impl Image<'_> {
     }
 
     /// The order of a pixel among its decided neighbours.
-    fn order_of(&self, pixel: usize, orientation: Orientation) -> Order {
+    fn order_of(&self, pixel: usize, sides: &[Side], orientation: Orientation) -> Order {
         let mut order = Order::default();
-        self.visit_steps(pixel, |rise, step_px| {
+        self.visit_steps(pixel, sides, |rise, step_px| {
             let expected = (rise > 0) == (orientation == Orientation::Same);
             if (step_px > 0.0) == expected {
                 order.agreeing += 1;
@@ -81,9 +83,9 @@ impl Image<'_> {
 
     /// Visits the decided neighbours of a decided pixel along the epipolar direction: the rise of the unwrapped phase to
     /// each, and the step of its coordinate in C2.
-    fn visit_steps(&self, pixel: usize, mut visit: impl FnMut(i32, f32)) {
+    fn visit_steps(&self, pixel: usize, sides: &[Side], mut visit: impl FnMut(i32, f32)) {
         let Some(own) = self.candidate(pixel) else { return };
-        for &side in self.sides(Directions::Along) {
+        for &side in sides {
             walk(self.scene.view.cam1, pixel, side, FAR, |met, rise| {
                 if let Some(other) = self.candidate(met).filter(|_| rise.abs() >= MIN_RISE) {
                     visit(rise, other.column_px - own.column_px);
