@@ -199,10 +199,7 @@ pub(super) fn device_images(source: &CameraSource, raw: &RawCameras) -> Result<D
     let bayer = raw.bayer.as_deref().map(|name| one_of("cameras.bayer", name, &known)).transpose()?;
     let problem = |problem: String| ConfigurationProblem::Named { key: "cameras.bayer", problem };
     let images = DeviceImages::new(format, bayer, None).map_err(|e| problem(e.to_string()))?;
-    if bayer == Some(BayerGrey::Green) && raw.binning.is_some_and(|binning| binning > 1) {
-        let why = "binning sums squares of red, two green and blue pixels: remove \"green\", or use binning 1";
-        return Err(problem(why.to_owned()));
-    }
+    images.check_binning(raw.binning.unwrap_or(1)).map_err(|e| problem(e.to_string()))?;
     Ok(images)
 }
 
@@ -435,7 +432,7 @@ mod tests {
             "{word}"
         );
         let binned = refused("format = \"RGGB\"\nbayer = \"green\"\nbinning = 2");
-        assert!(binned.contains("remove \"green\", or use binning 1"), "{binned}");
+        assert!(binned.contains("remove the choice \"green\", or use binning 1"), "{binned}");
     }
 
     #[test]

@@ -237,6 +237,7 @@ impl ScannerConfiguration {
             unit,
             readout: Readout::whole([rig.cam1.width_px(), rig.cam1.height_px()]),
             pixel_format: self.device_images.pixel_format(1),
+            source: None,
             steps: sequence.shifts_rad.len(),
             sequence: sequence.clone(),
             second_direction: None,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use fringeflow::calibration::CalibrationError;
 use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
+use fringeflow_pixels::SourceFormat;
 
 /// An error about a dataset folder: the file and what is wrong with it.
 #[derive(Debug, thiserror::Error)]
@@ -76,6 +77,55 @@ pub enum Problem {
         /// Number of images in `meta.json`.
         listed: usize,
     },
+    /// A raw image without a stated format.
+    #[error(
+        "is a raw image, but meta.json does not state its format; add the field source, as in \
+             \"source\": {{ \"format\": \"RGGB\" }}"
+    )]
+    NoSource,
+    /// The same image exists twice.
+    #[error("exists as .png and as .raw; remove one of them")]
+    TwoFiles,
+    /// The folder with the images of both views does not exist.
+    #[error("is not a folder; field source of meta.json says that each image holds the views of both cameras")]
+    NoFolderOfBoth,
+    /// A raw file has the wrong length.
+    #[error(
+        "has {found} bytes; a {format} image of {width} × {height} pixels has {expected}; correct source.format or the \
+         size in meta.json, or save the rows without gaps"
+    )]
+    RawLength {
+        /// Format in `meta.json`.
+        format: SourceFormat,
+        /// Width of the image, pixels.
+        width: usize,
+        /// Height of the image, pixels.
+        height: usize,
+        /// Length of the file.
+        found: usize,
+        /// Length of such an image.
+        expected: usize,
+    },
+    /// A PNG cannot hold images of the format.
+    #[error(
+        "is a PNG image, but field source of meta.json says {format}; PNG files hold GREY, Y10 to Y16, Bayer mosaics \
+         that are not packed, and RGB3; save the bytes of the camera as .raw"
+    )]
+    NotAPng {
+        /// Format in `meta.json`.
+        format: SourceFormat,
+    },
+    /// A PNG with other channels than red, green and blue.
+    #[error(
+        "has {channels} channels, or more than 8 bits; field source of meta.json says RGB3, three channels of 8 bits"
+    )]
+    NotRgb {
+        /// Channels found.
+        channels: usize,
+    },
+    /// An image as the camera sent it cannot be converted.
+    #[error("cannot be converted: {0}")]
+    SourceImage(String),
     /// The file is not an intact PNG.
     #[error("is not an intact PNG image: {0}")]
     Png(String),

@@ -1,15 +1,14 @@
 //! Grey images and their PNG files.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fringeflow_base::atomic_file::{WriteError, write_atomically};
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_base::png_encoding;
 
-use super::{DatasetError, Problem};
+use super::Problem;
 
 /// A grey image, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,6 +47,39 @@ pub fn read_png(
     expected_px: Option<[usize; 2]>,
     format: Option<PixelFormat>,
 ) -> Result<GreyImage, Problem> {
+    let Decoded { width, height, depth, channels, samples } = decode(path, expected_px)?;
+    let is_deep = depth == png::BitDepth::Sixteen;
+    let grey = grey_channel(samples, channels, width, if is_deep { u16::MAX } else { 255 })?;
+    let format = format.unwrap_or(depth_of(depth));
+    if !is_deep && format != PixelFormat::Grey {
+        return Err(Problem::Shallow { bits: format.bits() });
+    }
+    Ok(GreyImage { width, height, format, pixels: stored_bytes(&grey, format, width)? })
+}
+
+/// Reads a PNG with red, green and blue of 8 bits as bytes R G B, row by row.
+///
+/// # Errors
+/// The file is unreadable or damaged, its size is not `expected_px`, or it does not have three colours of 8 bits.
+pub(super) fn read_rgb_png(path: &Path, expected_px: [usize; 2]) -> Result<Vec<u8>, Problem> {
+    let Decoded { depth, channels, samples, .. } = decode(path, Some(expected_px))?;
+    if depth == png::BitDepth::Sixteen || channels != 3 {
+        return Err(Problem::NotRgb { channels });
+    }
+    Ok(samples.into_iter().map(|sample| sample as u8).collect())
+}
+
+/// The content of a PNG file.
+struct Decoded {
+    width: usize,
+    height: usize,
+    depth: png::BitDepth,
+    channels: usize,
+    /// The channels of each pixel, row by row.
+    samples: Vec<u16>,
+}
+
+fn decode(path: &Path, expected_px: Option<[usize; 2]>) -> Result<Decoded, Problem> {
     let file = File::open(path).map_err(Problem::Unreadable)?;
     let mut decoder = png::Decoder::new(BufReader::new(file));
     decoder.set_transformations(png::Transformations::EXPAND);
@@ -64,17 +96,11 @@ pub fn read_png(
     let info = reader.next_frame(&mut bytes).map_err(damaged)?;
     reader.finish().map_err(damaged)?;
     bytes.truncate(info.buffer_size());
-    let is_deep = info.bit_depth == png::BitDepth::Sixteen;
-    let samples = match is_deep {
-        true => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
-        false => bytes.iter().map(|&b| u16::from(b)).collect::<Vec<u16>>(),
+    let samples = match info.bit_depth {
+        png::BitDepth::Sixteen => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
+        _ => bytes.iter().map(|&b| u16::from(b)).collect(),
     };
-    let grey = grey_channel(samples, info.color_type.samples(), width, if is_deep { u16::MAX } else { 255 })?;
-    let format = format.unwrap_or(depth_of(info.bit_depth));
-    if !is_deep && format != PixelFormat::Grey {
-        return Err(Problem::Shallow { bits: format.bits() });
-    }
-    Ok(GreyImage { width, height, format, pixels: stored_bytes(&grey, format, width)? })
+    Ok(Decoded { width, height, depth: info.bit_depth, channels: info.color_type.samples(), samples })
 }
 
 /// Returns the bit depth of a PNG file.
@@ -137,35 +163,10 @@ fn stored_bytes(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec
     })
 }
 
-/// Files `KIND_NN.png` of a folder, by number.
-pub(super) fn numbered(folder: &Path, kind: &str) -> Result<BTreeMap<usize, PathBuf>, DatasetError> {
-    let unreadable = |e| DatasetError::new(folder, Problem::Unreadable(e));
-    let mut found = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let number = name.strip_prefix(kind).and_then(|n| n.strip_prefix('_')).and_then(|n| n.strip_suffix(".png"));
-        if let Some(number) = number.and_then(|n| n.parse().ok()) {
-            found.insert(number, path);
-        }
-    }
-    Ok(found)
-}
-
-/// Checks that a folder has exactly the images `KIND_00.png` to `KIND_(count−1).png`.
-pub(super) fn check_numbers(folder: &Path, kind: &str, count: usize) -> Result<(), DatasetError> {
-    let found = numbered(folder, kind)?;
-    if let Some(missing) = (0..count).find(|n| !found.contains_key(n)) {
-        return Err(DatasetError::new(&folder.join(format!("{kind}_{missing:02}.png")), Problem::MissingImage));
-    }
-    match found.range(count..).next() {
-        Some((_, path)) => Err(DatasetError::new(path, Problem::ExtraImage { kind: kind.to_owned(), listed: count })),
-        None => Ok(()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
 
     fn written(image: &GreyImage) -> (tempfile::TempDir, PathBuf) {

@@ -8,6 +8,10 @@
 //! FOLDER/truth.npz            ground truth, if it is known
 //! ```
 //!
+//! With the field `source` of `meta.json`, images are as the cameras sent them, and are converted when they are read:
+//! `cam1/phase_00.raw` and so on, or `both/phase_00.raw` if an image holds both views; a PNG with the values of a Bayer
+//! mosaic or with colours works as well.
+//!
 //! Images have 8 or 16 bits. With 16 bits, the field `bits` of `meta.json` states how many low bits hold the value: 10,
 //! 12, 14 or 16. Opening a folder checks `meta.json`, the calibration, and that all images exist; the images are read
 //! on request.
@@ -32,10 +36,12 @@
 mod error;
 mod fields;
 mod image;
+mod image_files;
 mod meta;
 mod motion;
 mod sequence;
 mod setup;
+mod source;
 mod truth;
 mod write;
 
@@ -45,6 +51,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use fringeflow::calibration::{self, Unit};
 use fringeflow_base::grey::PixelFormat;
+
+use image_files::ImageFiles;
 
 pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
@@ -100,6 +108,8 @@ pub const CALIBRATION_FILE: &str = "calibration.yml";
 pub const EXACT_CALIBRATION_FILE: &str = "calibration_exact.yml";
 /// Name of the description in a dataset folder.
 pub const META_FILE: &str = "meta.json";
+/// Name of the folder with images that hold the views of both cameras.
+const FOLDER_OF_BOTH: &str = "both";
 /// Name of the ground truth in a dataset folder.
 pub const TRUTH_FILE: &str = "truth.npz";
 
@@ -129,7 +139,7 @@ impl Dataset {
             images_read: ImageCounter::default(),
         };
         dataset.check_images()?;
-        let first = folder.join(CameraId::Cam1.folder()).join(ImageKind::Phase(0).file_name());
+        let first = dataset.image_folder(CameraId::Cam1).join(ImageKind::Phase(0).file_name());
         // An error in this file is reported when the image is read.
         let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
         dataset.pixel_format = stated.unwrap_or_default();
@@ -177,11 +187,12 @@ impl Dataset {
     /// # Errors
     /// As [`Self::phase_images`].
     pub fn white_and_black(&self, camera: CameraId) -> Result<Option<(GreyImage, GreyImage)>, DatasetError> {
-        let [white, black] = ["white.png", "black.png"].map(|n| self.folder.join(camera.folder()).join(n));
-        if !(white.exists() && black.exists()) {
-            return Ok(None);
+        let folder = self.image_folder(camera);
+        let files = self.image_files(&folder);
+        match (files.named("white")?, files.named("black")?) {
+            (Some(white), Some(black)) => Ok(Some((self.image(camera, &white)?, self.image(camera, &black)?))),
+            _ => Ok(None),
         }
-        Ok(Some((self.image(camera, &white)?, self.image(camera, &black)?)))
     }
 
     /// Reads `truth.npz`; `None` if the folder has none.
@@ -210,21 +221,34 @@ impl Dataset {
     }
 
     fn numbered_images(&self, camera: CameraId, kind: &str, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
-        let available = image::numbered(&self.folder.join(camera.folder()), kind)?;
-        let find = |number: &usize| {
-            available.get(number).ok_or_else(|| {
-                let missing = self.folder.join(camera.folder()).join(format!("{kind}_{number:02}.png"));
-                DatasetError::new(&missing, Problem::MissingImage)
-            })
-        };
+        let folder = self.image_folder(camera);
+        let files = self.image_files(&folder);
+        let available = files.numbered(kind)?;
+        let find = |number: &usize| available.get(number).ok_or_else(|| files.missing(kind, *number));
         numbers.iter().map(|n| find(n).and_then(|path| self.image(camera, path))).collect()
     }
 
     fn image(&self, camera: CameraId, path: &Path) -> Result<GreyImage, DatasetError> {
-        let image = read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format));
+        let image = match self.setup.source {
+            None => read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)),
+            Some(images) => {
+                let view = if images.views() == 2 { camera as usize } else { 0 };
+                source::read(path, images, self.setup.readout, view)
+            }
+        };
         let image = image.map_err(|p| DatasetError::new(path, p))?;
         self.images_read.0[camera as usize].fetch_add(1, Ordering::Relaxed);
         Ok(image)
+    }
+
+    /// The folder with the images of a camera.
+    fn image_folder(&self, camera: CameraId) -> PathBuf {
+        let holds_both = self.setup.source.is_some_and(|images| images.views() == 2);
+        self.folder.join(if holds_both { FOLDER_OF_BOTH } else { camera.folder() })
+    }
+
+    fn image_files<'a>(&self, folder: &'a Path) -> ImageFiles<'a> {
+        ImageFiles { folder, may_be_raw: self.setup.source.is_some() }
     }
 
     /// Checks that every sequence has exactly the images that `meta.json` states.
@@ -232,15 +256,18 @@ impl Dataset {
         let directions =
             [(Some(&self.setup.sequence), "phase", "gray"), (self.setup.second_direction.as_ref(), "vphase", "vgray")];
         for camera in CameraId::BOTH {
-            let folder = self.folder.join(camera.folder());
+            let folder = self.image_folder(camera);
             if !folder.is_dir() {
-                return Err(DatasetError::new(&folder, Problem::NotAFolder));
+                let holds_both = folder.ends_with(FOLDER_OF_BOTH);
+                let problem = if holds_both { Problem::NoFolderOfBoth } else { Problem::NotAFolder };
+                return Err(DatasetError::new(&folder, problem));
             }
+            let files = self.image_files(&folder);
             for (sequence, phase, gray) in directions {
                 let count = sequence.map_or(0, |s| s.shifts_rad.len());
-                image::check_numbers(&folder, phase, count)?;
+                files.check_numbers(phase, count)?;
                 let count = sequence.and_then(|s| s.gray).map_or(0, |g| g.images);
-                image::check_numbers(&folder, gray, count)?;
+                files.check_numbers(gray, count)?;
             }
         }
         Ok(())

@@ -10,11 +10,13 @@ use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Reado
 use fringeflow::phase::GrayCode;
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::MIN_STEPS;
+use fringeflow_pixels::DeviceImages;
 
 use super::error::{DatasetError, Problem};
 use super::fields::{field_problem, raw_pose, rigid_pose};
 use super::motion::{Motion, RawMotion};
 use super::sequence::FringeSequence;
+use super::source::RawSource;
 
 #[derive(Deserialize)]
 struct RawMeta {
@@ -23,6 +25,7 @@ struct RawMeta {
     image_size: [usize; 2],
     readout: Option<RawReadout>,
     bits: Option<u8>,
+    source: Option<RawSource>,
     steps: usize,
     #[serde(flatten)]
     sequence: RawSequence,
@@ -126,6 +129,7 @@ pub(super) struct Meta {
     pub(super) unit: Option<Unit>,
     pub(super) readout: Readout,
     pub(super) pixel_format: Option<PixelFormat>,
+    pub(super) source: Option<DeviceImages>,
     pub(super) steps: usize,
     pub(super) sequence: FringeSequence,
     pub(super) second_direction: Option<FringeSequence>,
@@ -147,15 +151,26 @@ pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
             format!("is {}; it must lie between {MIN_STEPS} and the number of phase_shift_rad, {count}", raw.steps);
         return Err(field_problem("steps", what));
     }
+    let readout = match &raw.readout {
+        Some(readout) => readout.checked(raw.image_size)?,
+        None => Readout::whole(raw.image_size),
+    };
+    let source = raw.source.map(|source| source.checked(&readout)).transpose()?;
+    let pixel_format = match (raw.bits, source) {
+        (Some(bits), Some(images)) => {
+            let what = format!("is {bits}, but the depth follows from source.format, {}; remove bits", images.format());
+            return Err(field_problem("bits", what));
+        }
+        (bits, None) => bits.map(pixel_format).transpose()?,
+        (None, Some(images)) => Some(images.pixel_format(readout.binning())),
+    };
     let unit = raw.unit.map(|u| u.parse::<Unit>().map_err(|e| field_problem("unit", e.to_string()))).transpose()?;
     Ok(Meta {
         name: raw.name,
         unit,
-        readout: match &raw.readout {
-            Some(readout) => readout.checked(raw.image_size)?,
-            None => Readout::whole(raw.image_size),
-        },
-        pixel_format: raw.bits.map(pixel_format).transpose()?,
+        readout,
+        pixel_format,
+        source,
         steps: raw.steps,
         sequence,
         second_direction: raw.second_direction.map(checked_sequence).transpose()?,

@@ -9,6 +9,7 @@ use std::path::Path;
 use fringeflow::calibration::{self, CalibrationError, CalibrationProblem, Unit};
 use fringeflow::geometry::{MeasurementVolume, Pose, Readout, Rig};
 use fringeflow_base::grey::PixelFormat;
+use fringeflow_pixels::DeviceImages;
 
 use super::error::{DatasetError, Problem};
 use super::motion::Motion;
@@ -37,6 +38,9 @@ pub struct Setup {
     pub readout: Readout,
     /// Bit depth of all images, if it is stated.
     pub pixel_format: Option<PixelFormat>,
+    /// Format and arrangement of the image files, if they are as the cameras sent them. Each view then has the size of
+    /// the sensor.
+    pub source: Option<DeviceImages>,
     /// Number of steps of a cycle. Moving scenes may have more images than that.
     pub steps: usize,
     /// Fringes along the projector columns.
@@ -88,6 +92,7 @@ impl Setup {
             image_size_px: size,
             readout: meta.readout,
             pixel_format: meta.pixel_format,
+            source: meta.source,
             steps: meta.steps,
             sequence: meta.sequence,
             second_direction: meta.second_direction,
@@ -97,6 +102,25 @@ impl Setup {
             rig,
             text,
         })
+    }
+
+    /// The setup of the same images after their conversion to grey, as a recording has them.
+    ///
+    /// # Errors
+    /// The description is not valid.
+    pub fn of_grey_images(&self) -> Result<Self, SetupError> {
+        if self.source.is_none() {
+            return Ok(self.clone());
+        }
+        let invalid = |e: serde_json::Error| SetupError::Description(Problem::Json(e.to_string()));
+        let mut fields: serde_json::Map<_, _> = serde_json::from_str(&self.text.description).map_err(invalid)?;
+        fields.remove("source");
+        if let Some(format) = self.pixel_format.filter(|&format| format != PixelFormat::Grey) {
+            fields.insert("bits".to_owned(), format.bits().into());
+        }
+        let description = serde_json::to_string_pretty(&fields).map_err(invalid)?;
+        let grey = Self::parse(SetupText { description, ..self.text.clone() }, Some(self.unit))?;
+        Ok(Self { name: self.name.clone(), ..grey })
     }
 
     /// Phase shifts of one cycle, rad.

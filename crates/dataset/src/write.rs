@@ -11,12 +11,14 @@ use fringeflow::calibration::{Unit, write_calibration};
 use fringeflow::geometry::{MeasurementVolume, Pose, Readout, Rig};
 use fringeflow_base::atomic_file::WriteError;
 use fringeflow_base::grey::PixelFormat;
+use fringeflow_pixels::DeviceImages;
 
 use super::meta::{RawReadout, RawSequence, VolumeDescription};
 use super::motion::WrittenMotion;
+use super::source::RawSource;
 use super::{
-    CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FringeSequence, GreyImage, META_FILE,
-    Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
+    CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FOLDER_OF_BOTH, FringeSequence,
+    GreyImage, META_FILE, Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
 };
 
 /// Content of a new `meta.json`.
@@ -30,6 +32,8 @@ pub struct DatasetDescription {
     pub readout: Readout,
     /// Bit depth of all images.
     pub pixel_format: PixelFormat,
+    /// Format and arrangement of the image files, if they are as the cameras sent them.
+    pub source: Option<DeviceImages>,
     /// Number of steps of a cycle.
     pub steps: usize,
     /// Fringes along the projector columns.
@@ -57,7 +61,8 @@ impl DatasetDescription {
             unit: self.unit.symbol(),
             image_size: self.readout.image_size_px(),
             readout: RawReadout::from_readout(&self.readout),
-            bits: Some(self.pixel_format.bits()).filter(|&bits| bits > 8),
+            bits: Some(self.pixel_format.bits()).filter(|&bits| bits > 8 && self.source.is_none()),
+            source: self.source.map(RawSource::from),
             steps: self.steps,
             n_phase_images: self.sequence.shifts_rad.len(),
             sequence: RawSequence::from(&self.sequence),
@@ -88,17 +93,22 @@ pub enum ImageKind {
 }
 
 impl ImageKind {
-    /// File name of the image.
+    /// File name of the image, without its ending.
+    fn stem(self) -> String {
+        match self {
+            Self::Phase(n) => format!("phase_{n:02}"),
+            Self::Gray(n) => format!("gray_{n:02}"),
+            Self::SecondPhase(n) => format!("vphase_{n:02}"),
+            Self::SecondGray(n) => format!("vgray_{n:02}"),
+            Self::White => "white".to_owned(),
+            Self::Black => "black".to_owned(),
+        }
+    }
+
+    /// File name of the grey image.
     #[must_use]
     pub fn file_name(self) -> String {
-        match self {
-            Self::Phase(n) => format!("phase_{n:02}.png"),
-            Self::Gray(n) => format!("gray_{n:02}.png"),
-            Self::SecondPhase(n) => format!("vphase_{n:02}.png"),
-            Self::SecondGray(n) => format!("vgray_{n:02}.png"),
-            Self::White => "white.png".to_owned(),
-            Self::Black => "black.png".to_owned(),
-        }
+        self.stem() + ".png"
     }
 }
 
@@ -112,6 +122,8 @@ struct WrittenMeta<'a> {
     /// Absent for 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
     bits: Option<u8>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    source: Option<RawSource>,
     steps: usize,
     n_phase_images: usize,
     #[serde(flatten)]
@@ -142,7 +154,8 @@ impl DatasetWriter {
         let text = description
             .text()
             .map_err(|e| DatasetError::new(&target.join(META_FILE), Problem::Unwritable(e.into())))?;
-        let writer = Self::create_folders(target, description.readout.image_size_px())?;
+        let folders = image_folders(description.source);
+        let writer = Self::create_folders(target, description.readout.image_size_px(), folders)?;
         writer.file(META_FILE, text.as_bytes())?;
         Ok(writer)
     }
@@ -152,13 +165,13 @@ impl DatasetWriter {
     /// # Errors
     /// As [`Self::create`].
     pub fn create_from_text(target: &Path, text: &SetupText, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
-        let writer = Self::create_folders(target, image_size_px)?;
+        let writer = Self::create_folders(target, image_size_px, image_folders(None))?;
         writer.file(META_FILE, text.description.as_bytes())?;
         writer.file(CALIBRATION_FILE, text.calibration.as_bytes())?;
         Ok(writer)
     }
 
-    fn create_folders(target: &Path, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
+    fn create_folders(target: &Path, image_size_px: [usize; 2], folders: &[&str]) -> Result<Self, DatasetError> {
         let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
         check_new(target)?;
         let parent = match target.parent() {
@@ -169,8 +182,8 @@ impl DatasetWriter {
         // The umask still applies. With the default of tempfile, other users could not read the result.
         builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
         let unfinished = builder.tempdir_in(parent).map_err(fail)?;
-        for camera in CameraId::BOTH {
-            std::fs::create_dir(unfinished.path().join(camera.folder())).map_err(fail)?;
+        for folder in folders {
+            std::fs::create_dir(unfinished.path().join(folder)).map_err(fail)?;
         }
         Ok(Self { target: target.to_owned(), unfinished, image_size_px })
     }
@@ -200,6 +213,15 @@ impl DatasetWriter {
     pub fn image(&self, camera: CameraId, kind: ImageKind, image: &GreyImage) -> Result<(), DatasetError> {
         let name = Path::new(camera.folder()).join(kind.file_name());
         Ok(write_png(&self.path(&name), image).map_err(|e| self.as_target(&name, e))?)
+    }
+
+    /// Writes one image as a camera sends it, in rows without gaps: that of a camera, or that of both if none is named.
+    ///
+    /// # Errors
+    /// The image cannot be written.
+    pub fn source_image(&self, camera: Option<CameraId>, kind: ImageKind, bytes: &[u8]) -> Result<(), DatasetError> {
+        let folder = camera.map_or(FOLDER_OF_BOTH, CameraId::folder);
+        self.file(&format!("{folder}/{}.raw", kind.stem()), bytes)
     }
 
     /// Writes the ground truth.
@@ -248,6 +270,11 @@ impl DatasetWriter {
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
         WriteError { path: self.target.join(name), ..error }
     }
+}
+
+/// Folders with the images of a dataset.
+fn image_folders(source: Option<DeviceImages>) -> &'static [&'static str] {
+    if source.is_some_and(|images| images.views() == 2) { &[FOLDER_OF_BOTH] } else { &["cam1", "cam2"] }
 }
 
 /// Checks that a new dataset can be written at `target`: the path does not exist, or it is an empty folder.

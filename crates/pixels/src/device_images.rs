@@ -38,6 +38,15 @@ pub enum DeviceImagesError {
         /// The arrangement.
         layout: StereoLayout,
     },
+    /// Squares of the mosaic are summed, so that there is no choice.
+    #[error(
+        "with binning {binning}, squares of red, two green and blue pixels are summed: remove the choice {:?}, or use \
+         binning 1", BayerGrey::Green.name()
+    )]
+    GreenBinned {
+        /// The binning.
+        binning: usize,
+    },
     /// The image cannot be halved.
     #[error(
         "an image of {} × {} pixels cannot hold two views {layout}: {} is odd", image_px[0], image_px[1],
@@ -106,6 +115,12 @@ impl DeviceImages {
         self.layout
     }
 
+    /// Grey level of a mosaic; `None` for other formats.
+    #[must_use]
+    pub fn bayer(&self) -> Option<BayerGrey> {
+        self.format.bayer_order().map(|_| self.bayer)
+    }
+
     /// Number of views in an image: 1, or 2 if it holds those of both cameras.
     #[must_use]
     pub fn views(&self) -> usize {
@@ -132,6 +147,15 @@ impl DeviceImages {
         }
     }
 
+    /// Checks that the grey level of a mosaic can be formed with this binning.
+    ///
+    /// # Errors
+    /// Green levels are chosen, but squares of all colours are summed.
+    pub fn check_binning(&self, binning: usize) -> Result<(), DeviceImagesError> {
+        let is_refused = binning > 1 && self.bayer() == Some(BayerGrey::Green);
+        if is_refused { Err(DeviceImagesError::GreenBinned { binning }) } else { Ok(()) }
+    }
+
     /// Width and height of a whole image, from those of a view, pixels. A format with an arrangement of its own counts
     /// the pixels of one view.
     ///
@@ -155,7 +179,7 @@ impl DeviceImages {
         let mut view_px = image_px;
         if let Some(layout) = self.layout {
             let side = &mut view_px[layout.divided_side()];
-            if *side % 2 != 0 {
+            if !side.is_multiple_of(2) {
                 return Err(DeviceImagesError::OddSide { layout, image_px });
             }
             *side /= 2;

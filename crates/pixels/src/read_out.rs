@@ -47,8 +47,10 @@ impl ImageReader {
     /// binning act on each view.
     ///
     /// # Errors
-    /// Views of this size cannot share an image in the format and arrangement of the device.
+    /// Views of this size cannot share an image in the format and arrangement of the device, or the grey level of a
+    /// mosaic is not possible with this binning.
     pub fn new(images: DeviceImages, readout: Readout) -> Result<Self, DeviceImagesError> {
+        images.check_binning(readout.binning())?;
         let image_px = images.image_px(readout.sensor_px())?;
         let views = ViewReader { readout, whole: Vec::new(), mosaic: MosaicRows::default() };
         Ok(Self { images, image_px, decoded: Vec::new(), views })

@@ -100,12 +100,12 @@ pub(super) fn y8_interleaved_1(row: &[u8], out: &mut [u8]) {
 
 /// View 0 of `Y12I`.
 pub(super) fn y12_interleaved_0(row: &[u8], out: &mut [u8]) {
-    groups(row, out, |&[a, b, _]| [u16::from_le_bytes([a, b]) & 0x0fff]);
+    pixels_of_three_bytes(row, out, |[a, b, _]| u16::from_le_bytes([a, b]) & 0x0fff);
 }
 
 /// View 1 of `Y12I`.
 pub(super) fn y12_interleaved_1(row: &[u8], out: &mut [u8]) {
-    groups(row, out, |&[_, b, c]| [u16::from_le_bytes([b, c]) >> 4]);
+    pixels_of_three_bytes(row, out, |[_, b, c]| u16::from_le_bytes([b, c]) >> 4);
 }
 
 /// View 0 of `Y16I`.
@@ -120,10 +120,7 @@ pub(super) fn y16_interleaved_1(row: &[u8], out: &mut [u8]) {
 
 /// `RGB3` and `BGR3`: R + 2 G + B. Nothing is rounded, so no precision is lost.
 pub(super) fn colours_of_three_bytes(row: &[u8], out: &mut [u8]) {
-    groups(row, out, |bytes: &[u8; 3]| {
-        let [first, green, third] = bytes.map(u16::from);
-        [first + 2 * green + third]
-    });
+    pixels_of_three_bytes(row, out, |[a, b, c]| u16::from(a) + 2 * u16::from(b) + u16::from(c));
 }
 
 /// Colours in the first three of four bytes: R + 2 G + B.
@@ -156,6 +153,17 @@ fn every_second(row: &[u8], out: &mut [u8], luma: impl Fn(u16) -> u8) {
     for (grey, &pair) in out.iter_mut().zip(row.as_chunks::<2>().0) {
         *grey = luma(u16::from_le_bytes(pair));
     }
+}
+
+/// Unpacks pixels of three bytes. Four at a time are faster than single ones.
+fn pixels_of_three_bytes(row: &[u8], out: &mut [u8], value: impl Fn([u8; 3]) -> u16) {
+    let whole_bytes = out.len() / 8 * 12;
+    let (fours, rest) = row.split_at_checked(whole_bytes).unwrap_or_default();
+    let mut slots = out.chunks_exact_mut(8);
+    for (slot, &[a, b, c, d, e, f, g, h, i, j, k, l]) in (&mut slots).zip(fours.as_chunks::<12>().0) {
+        put(slot, [value([a, b, c]), value([d, e, f]), value([g, h, i]), value([j, k, l])]);
+    }
+    groups(rest, slots.into_remainder(), |&pixel| [value(pixel)]);
 }
 
 /// Unpacks groups of `BYTES` bytes to `PIXELS` grey levels each. Of the last group, only as many grey levels are

@@ -127,9 +127,15 @@ impl SourceFormat {
             Self::Y12 | Self::Y012 | Self::Y12Mipi | Self::Mono12p | Self::Y12Interleaved => PixelFormat::Y12,
             Self::Y14 | Self::Y14Mipi => PixelFormat::Y14,
             Self::Y16 | Self::Y16BigEndian | Self::Y16Interleaved => PixelFormat::Y16,
-            format if format.colour_bytes().is_some() => PixelFormat::Y10,
+            format if format.is_rgb() => PixelFormat::Y10,
             _ => PixelFormat::Grey,
         }
+    }
+
+    /// Whether a pixel has red, green and blue.
+    #[must_use]
+    pub fn is_rgb(self) -> bool {
+        self.colour_bytes().is_some()
     }
 
     /// Bytes of a pixel with red, green and blue, and the first of these; green is always between the others. `None`
@@ -174,6 +180,26 @@ impl SourceFormat {
     pub fn least_stride_bytes(self, width_px: usize) -> usize {
         let [pixels, bytes] = self.group();
         if self.is_compressed() { 0 } else { width_px.div_ceil(pixels).saturating_mul(bytes) }
+    }
+
+    /// Size of a complete image without gaps, bytes: with the planes of the colours, if they are in the same buffer; 0
+    /// for compressed formats.
+    #[must_use]
+    pub fn whole_bytes(self, [width_px, height_px]: [usize; 2]) -> usize {
+        let first = self.least_stride_bytes(width_px).saturating_mul(height_px);
+        let half_width = width_px.div_ceil(2);
+        let colours = match self {
+            Self::Nv12 | Self::Nv21 | Self::Yuv420 | Self::Yvu420 => half_width.saturating_mul(height_px.div_ceil(2)),
+            Self::Nv16 | Self::Nv61 => half_width.saturating_mul(height_px),
+            _ => 0,
+        };
+        first.saturating_add(colours.saturating_mul(2))
+    }
+
+    /// Whether the rows of an image without gaps are those of a format of the channels.
+    #[must_use]
+    pub fn stores_values_as(self, format: PixelFormat) -> bool {
+        self.samples() == format.into()
     }
 
     /// Minimum size of an image, bytes: up to the end of the last row of luma, without the gap after it. A compressed

@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow_dataset::{CameraId, Dataset, DatasetError, GreyImage, TRUTH_FILE};
+use fringeflow_dataset::{CameraId, Dataset, DatasetError, GreyImage, SetupError, TRUTH_FILE};
 use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 
 use crate::{OfflineRecorder, Opening, Origin, Recordable, RecorderCounts, RecordingError, RecordingProblem};
@@ -22,6 +22,9 @@ pub enum ImportError {
     /// The dataset cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// The setup of the dataset is invalid.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
     /// The recording cannot be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
@@ -68,9 +71,10 @@ pub fn import(
     mut progress: impl FnMut(),
 ) -> Result<RecorderCounts, ImportError> {
     check_periodic(dataset)?;
+    let setup = dataset.setup.of_grey_images()?;
     let origin = Origin::default();
     let opening = Opening {
-        setup: &dataset.setup,
+        setup: &setup,
         configuration: options.configuration,
         origin: &origin,
         min_free_bytes: options.min_free_bytes,

@@ -126,7 +126,7 @@ impl From<ImportError> for Failure {
         match error {
             ImportError::Dataset(error) => Self::Dataset(error),
             ImportError::Recording(error) => Self::Recording(error),
-            error @ ImportError::NotPeriodic { .. } => Self::unusable(error),
+            error @ (ImportError::Setup(_) | ImportError::NotPeriodic { .. }) => Self::unusable(error),
         }
     }
 }

@@ -18,8 +18,10 @@
 mod alignment;
 mod board;
 mod calibration_error;
+mod colour_filter;
 mod configured;
 mod covered_camera;
+mod device;
 mod faults;
 mod hand;
 mod image_loop;
@@ -28,6 +30,7 @@ mod loop_file;
 mod motion;
 mod normal;
 mod object;
+mod packing;
 mod pose_images;
 mod projected;
 mod ray;
@@ -49,6 +52,7 @@ mod virtual_scanner;
 
 pub use board::{Board, BoardApart};
 pub use calibration_error::CalibrationDeviation;
+pub use colour_filter::{Colour, ColourFilter};
 pub use configured::{ConfiguredScanner, read_configuration, setup_text};
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
@@ -72,6 +76,7 @@ pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 
 use fringeflow::geometry::VolumeError;
 use fringeflow_dataset::DatasetError;
+use fringeflow_pixels::{DeviceImagesError, SourceFormat};
 
 /// Errors of a simulation.
 #[derive(Debug, thiserror::Error)]
@@ -101,6 +106,15 @@ pub enum SimulationError {
     UnknownNoise {
         /// The name.
         name: String,
+    },
+    /// Images of this format or arrangement cannot have the chosen size.
+    #[error(transparent)]
+    Images(#[from] DeviceImagesError),
+    /// The images would have to be compressed.
+    #[error("images in {format} cannot be simulated, because this program does not compress images")]
+    Compressed {
+        /// The format.
+        format: SourceFormat,
     },
     /// There is no board with this name.
     #[error("board {name:?} is not known; use none, dark, visible, behind, or a distance from the volume in mm")]

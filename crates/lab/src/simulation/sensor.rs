@@ -11,6 +11,7 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::GreyImage;
 
 use super::SimulationError;
+use super::colour_filter::ColourFilter;
 use super::normal::standard_normal;
 use super::projected::Projected;
 use super::view::View;
@@ -56,6 +57,8 @@ pub struct Sensor {
     pub noise: Option<Noise>,
     /// Storage format, which determines the rounding.
     pub format: PixelFormat,
+    /// Colour filters on the pixels.
+    pub filter: ColourFilter,
 }
 
 /// Seeds of the random numbers of an image.
@@ -110,7 +113,16 @@ impl Sensor {
     /// saturates.
     #[must_use]
     pub fn exposed(noise: Option<Noise>, gamma: f64) -> Self {
-        Self { gain: 262.0, ambient: 0.03, leak: 0.015, gamma, black_level: 2.0, noise, format: PixelFormat::Grey }
+        Self {
+            gain: 262.0,
+            ambient: 0.03,
+            leak: 0.015,
+            gamma,
+            black_level: 2.0,
+            noise,
+            format: PixelFormat::Grey,
+            filter: ColourFilter::None,
+        }
     }
 
     /// Returns the image of a pattern.
@@ -125,7 +137,7 @@ impl Sensor {
         let (view, bytes) = (middle, self.format.bytes());
         let mut pixels = vec![0; view.width * view.height * bytes];
         pixels.par_chunks_mut((view.width * bytes).max(1)).enumerate().for_each(|(v, row)| {
-            let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, v));
+            let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, self.filter.sensor_number(), v));
             for (u, pixel) in row.chunks_exact_mut(bytes).enumerate() {
                 let grey = |view: &View| self.grey(view, pattern, v * view.width + u);
                 let grey = (grey(middle) + others.iter().map(grey).sum::<f64>()) / (1 + others.len()) as f64;
@@ -155,7 +167,9 @@ impl Sensor {
             let shown = if self.gamma == 1.0 { shown } else { shown.powf(self.gamma) };
             ambient + f64::from(sample.reflected) * (self.leak + (1.0 - self.leak) * shown)
         };
-        self.black_level + self.gain * samples.iter().map(light).sum::<f64>() / samples.len().max(1) as f64
+        let (u, v) = (index % view.width.max(1), index / view.width.max(1));
+        let gain = self.gain * self.filter.passed(u, v);
+        self.black_level + gain * samples.iter().map(light).sum::<f64>() / samples.len().max(1) as f64
     }
 }
 
@@ -169,11 +183,12 @@ struct RowNoise {
 }
 
 impl RowNoise {
-    fn new(noise: Noise, seed: ImageSeed, row: usize) -> Self {
+    fn new(noise: Noise, seed: ImageSeed, sensor: u8, row: usize) -> Self {
         let rng = |image: u32| {
             let mut key = [0; 32];
             key[..8].copy_from_slice(&seed.seed.to_le_bytes());
             key[8] = seed.camera;
+            key[9] = sensor;
             key[12..16].copy_from_slice(&image.to_le_bytes());
             key[16..24].copy_from_slice(&(row as u64).to_le_bytes());
             ChaCha8Rng::from_seed(key)

@@ -13,14 +13,16 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
 };
+use fringeflow_pixels::DeviceImages;
 
 use super::motion::ObjectMotion;
+use super::packing::packed;
 use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
 use super::{
     Board, CalibrationDeviation, Object, RigOptions, Scene, SimulationError, Staging, VirtualRig, check_range,
-    covered_camera, image_share, truth,
+    covered_camera, device, image_share, truth,
 };
 
 /// Options of a simulated dataset.
@@ -43,8 +45,8 @@ pub struct SimulationOptions {
     pub white_and_black: bool,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
-    /// Format of the images.
-    pub format: PixelFormat,
+    /// Format and arrangement of the images.
+    pub images: DeviceImages,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
     /// Samples along each side of a pixel, 1 to 4.
@@ -66,7 +68,7 @@ impl SimulationOptions {
             gray: true,
             white_and_black: true,
             noise: NoiseLevel::Normal,
-            format: PixelFormat::Grey,
+            images: DeviceImages::default(),
             gamma: 1.0,
             supersampling: 2,
             seed: 1,
@@ -124,6 +126,7 @@ impl Simulation {
     pub fn staged(options: SimulationOptions, staging: Staging) -> Result<Self, SimulationError> {
         staging.check()?;
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
+        device::check(options.images, options.rig.size_px)?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
         let motion = staging.motion.map(|motion| ObjectMotion::new(motion, options.steps)).transpose()?;
         let rig = VirtualRig::new(&options.rig)?;
@@ -253,30 +256,63 @@ impl Simulation {
         let writer = DatasetWriter::create(folder, &self.description())?;
         writer.calibration(&self.rig.calibrated, Some(&self.rig.exact), UNIT)?;
         for (number, (kind, pattern)) in self.images().into_iter().enumerate() {
-            for camera in CameraId::BOTH {
+            let views = CameraId::BOTH.map(|camera| {
                 let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: number as u32 };
-                writer.image(camera, kind, &self.image(camera, kind, &pattern, seed)?)?;
-            }
+                self.colours(camera, kind, &pattern, seed)
+            });
+            let [first, second] = views;
+            self.write_views(&writer, kind, [first?, second?])?;
             on_image();
         }
         Ok(writer)
     }
 
-    fn image(
+    /// Writes an image of both cameras, in the format and arrangement of the options.
+    fn write_views(
+        &self,
+        writer: &DatasetWriter,
+        kind: ImageKind,
+        views: [Vec<GreyImage>; 2],
+    ) -> Result<(), SimulationError> {
+        match device::source_of_files(self.options.images) {
+            Some(images) if images.views() == 2 => writer.source_image(None, kind, &packed(images, &views))?,
+            source => {
+                for (camera, colours) in CameraId::BOTH.into_iter().zip(&views) {
+                    match (source, &colours[..]) {
+                        (None, [grey]) => writer.image(camera, kind, grey)?,
+                        _ => {
+                            let bytes = packed(self.options.images, std::slice::from_ref(colours));
+                            writer.source_image(Some(camera), kind, &bytes)?;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Images of a camera: one for each colour of a pixel.
+    fn colours(
         &self,
         camera: CameraId,
         kind: ImageKind,
         pattern: &Projected,
         seed: ImageSeed,
-    ) -> Result<GreyImage, SimulationError> {
+    ) -> Result<Vec<GreyImage>, SimulationError> {
         let options = &self.options;
-        let sensor = Sensor { format: options.format, ..Sensor::exposed(options.noise.noise(), options.gamma) };
+        let exposed = Sensor::exposed(options.noise.noise(), options.gamma);
+        let sensors = device::filters(options.images.format()).into_iter().map(|filter| Sensor {
+            format: device::sensor_format(options.images.format()),
+            filter,
+            ..exposed
+        });
         let (Some(motion), ImageKind::Phase(number)) = (&self.motion, kind) else {
-            return Ok(sensor.image(&self.views[camera as usize], pattern, seed));
+            return Ok(sensors.map(|sensor| sensor.image(&self.views[camera as usize], pattern, seed)).collect());
         };
         let seen = |view: View| if self.staging.covered == Some(camera) { view.half_covered() } else { view };
         let (middle, parts) = motion.views(&self.rig, &self.scene, camera, number, options.supersampling)?;
-        Ok(sensor.exposure(&seen(middle), &parts.into_iter().map(seen).collect::<Vec<_>>(), pattern, seed))
+        let (middle, parts) = (seen(middle), parts.into_iter().map(seen).collect::<Vec<_>>());
+        Ok(sensors.map(|sensor| sensor.exposure(&middle, &parts, pattern, seed)).collect())
     }
 
     fn description(&self) -> DatasetDescription {
@@ -285,7 +321,8 @@ impl Simulation {
             name: options.object.name().to_owned(),
             unit: UNIT,
             readout: Readout::whole(options.rig.size_px),
-            pixel_format: options.format,
+            pixel_format: options.images.pixel_format(1),
+            source: device::source_of_files(self.options.images),
             steps: options.steps,
             sequence: self.sequence(Direction::Columns),
             second_direction: options.two_directions.then(|| self.sequence(Direction::Rows)),
@@ -298,7 +335,8 @@ impl Simulation {
 
     fn remarks(&self) -> serde_json::Map<String, serde_json::Value> {
         let options = &self.options;
-        let mut remarks = remarks(&self.rig, options.noise, options.format, options.gamma, options.seed);
+        let format = device::sensor_format(options.images.format());
+        let mut remarks = remarks(&self.rig, options.noise, format, options.gamma, options.seed);
         remarks.extend(self.staging.remarks());
         if let Board::Apart(board) = options.board
             && options.board != Board::BEHIND

@@ -138,6 +138,7 @@ impl VirtualScanner {
             unit: UNIT,
             readout: Readout::whole(options.rig.size_px),
             pixel_format: options.format,
+            source: None,
             steps: options.steps,
             sequence: FringeSequence {
                 pattern: self.rig.columns,

@@ -142,7 +142,7 @@ fn a_surface_of_one_colour_has_one_grey_level_up_to_the_border() {
         assert_eq!((format, weighted), (PixelFormat::Y12, vec![4 * (200 + 2 * 90 + 31); 34 * 32]), "{order:?}");
         assert_eq!(read(BayerGrey::Green, 1), (PixelFormat::Y10, vec![4 * 90; 34 * 32]), "{order:?}");
         // A square is summed without interpolation.
-        for grey in BayerGrey::ALL {
+        for grey in [BayerGrey::Weighted, BayerGrey::Raw] {
             assert_eq!(read(grey, 2), (PixelFormat::Y10, vec![200 + 2 * 90 + 31; 17 * 16]), "{order:?}");
         }
     }

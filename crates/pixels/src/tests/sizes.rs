@@ -93,6 +93,9 @@ fn arrangements_that_do_not_fit_are_refused() {
         refused,
         "Y12 images are no Bayer mosaic: remove the choice \"green\", or use a Bayer format such as RGGB"
     );
+    let green = DeviceImages::new("RGGB".parse().unwrap(), Some(BayerGrey::Green), None).unwrap();
+    let refused = green.check_binning(2).unwrap_err().to_string();
+    assert!(refused.contains("remove the choice \"green\", or use binning 1"), "{refused}");
     let small = DeviceImages::from("RGGB".parse::<SourceFormat>().unwrap()).image_px([1, 9]).unwrap_err().to_string();
     assert!(small.contains("a mosaic of 1 × 9 pixels is too small"), "{small}");
 }

@@ -58,6 +58,61 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault("volume turned inside out", |f| edit_meta(f, "/volume/min", json!([50, 40, 12.5])), META, "field volume"),
     fault("impossible period", |f| edit_meta(f, "/period_px", json!(0)), META, "field period_px"),
     fault("impossible bit depth", |f| set_bits(f, 9), META, "field bits: is 9"),
+    fault("raw image without a format", add_raw_image, "cam1/phase_00.raw", "add the field source"),
+    fault("unknown camera format", |f| set_source(f, json!({"format": "RGBB"})), META, "field source.format: \"RGBB\""),
+    fault(
+        "unknown layout",
+        |f| set_source(f, json!({"format": "GREY", "stereo_layout": "left-right"})),
+        META,
+        "field source.stereo_layout: is \"left-right\"; it must be one of",
+    ),
+    fault(
+        "grey level of a mosaic for a grey format",
+        |f| set_source(f, json!({"format": "GREY", "bayer": "raw"})),
+        META,
+        "field source: GREY images are no Bayer mosaic",
+    ),
+    fault(
+        "unknown key of the source",
+        |f| set_source(f, json!({"format": "GREY", "layout": "side-by-side"})),
+        META,
+        "unknown field `layout`",
+    ),
+    fault(
+        "layout of a format that has its own",
+        |f| set_source(f, json!({"format": "Y8I", "stereo_layout": "top-bottom"})),
+        META,
+        "remove the layout top-bottom",
+    ),
+    fault(
+        "images of both views that do not exist",
+        |f| set_source(f, json!({"format": "Y8I"})),
+        "set/both",
+        "both cameras",
+    ),
+    fault("depth beside a source", set_bits_and_source, META, "field bits: is 12, but the depth follows from"),
+    fault("an image in two files", add_second_file, "cam1/phase_00", "exists as .png and as .raw"),
+    Fault {
+        name: "PNG of a packed format",
+        found_in: FoundIn::Images,
+        damage: |f| set_source(f, json!({"format": "Y12P"})),
+        file: "phase_0",
+        says: "is a PNG image, but field source of meta.json says Y12P",
+    },
+    Fault {
+        name: "grey PNG declared as colours",
+        found_in: FoundIn::Images,
+        damage: |f| set_source(f, json!({"format": "RGB3"})),
+        file: "phase_0",
+        says: "field source of meta.json says RGB3",
+    },
+    Fault {
+        name: "raw image of the wrong length",
+        found_in: FoundIn::Images,
+        damage: |f| replace_by_raw(f, SIZE_PX[0] * SIZE_PX[1] - 1),
+        file: "cam2/phase_01.raw",
+        says: "has 4095 bytes; a GREY image of 64 × 64 pixels has 4096",
+    },
     image_fault("truncated image", truncate_image, "is not an intact PNG"),
     image_fault(
         "image of another size",
@@ -121,10 +176,39 @@ fn negate_focal_length(folder: &Path) {
 
 /// Adds the field `bits` to `meta.json`, which 8-bit datasets leave out.
 fn set_bits(folder: &Path, bits: u8) {
+    add_field(folder, "bits", json!(bits));
+}
+
+fn set_source(folder: &Path, source: serde_json::Value) {
+    add_field(folder, "source", source);
+}
+
+fn set_bits_and_source(folder: &Path) {
+    set_bits(folder, 12);
+    set_source(folder, json!({"format": "Y12"}));
+}
+
+fn add_field(folder: &Path, field: &str, value: serde_json::Value) {
     let path = folder.join(META);
     let mut meta: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
-    meta["bits"] = json!(bits);
+    meta[field] = value;
     std::fs::write(&path, meta.to_string()).unwrap();
+}
+
+fn add_raw_image(folder: &Path) {
+    std::fs::rename(folder.join("cam1/phase_00.png"), folder.join("cam1/phase_00.raw")).unwrap();
+}
+
+fn add_second_file(folder: &Path) {
+    set_source(folder, json!({"format": "GREY"}));
+    std::fs::write(folder.join("cam1/phase_00.raw"), vec![0; SIZE_PX[0] * SIZE_PX[1]]).unwrap();
+}
+
+/// Replaces an image by a raw file of this length.
+fn replace_by_raw(folder: &Path, bytes: usize) {
+    set_source(folder, json!({"format": "GREY"}));
+    remove_file(folder, PHASE_IMAGE);
+    std::fs::write(folder.join("cam2/phase_01.raw"), vec![0; bytes]).unwrap();
 }
 
 fn move_volume_behind_camera(folder: &Path) {

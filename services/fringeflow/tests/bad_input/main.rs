@@ -145,3 +145,21 @@ fn simulate_never_overwrites_and_leaves_no_partial_folder() {
     assert_refused(&simulate(&folder.path().join("small"), "8x8"), 2, &["size", "8"], "too small");
     assert_eq!(input::list_files(folder.path()), before);
 }
+
+#[test]
+fn simulate_refuses_formats_and_layouts_that_are_not_possible() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("set");
+    let refused = |options: &[&str], says: &[&str]| {
+        let arguments = ["simulate", "--object", "plane", "--supersampling", "1", "-o"].map(OsString::from);
+        let output =
+            fringeflow(arguments.into_iter().chain([target.clone().into()]).chain(options.iter().map(OsString::from)));
+        assert_refused(&output, 2, says, &options.join(" "));
+        assert!(!target.exists());
+    };
+    refused(&["--format", "MJPG"], &["MJPG", "does not compress"]);
+    refused(&["--format", "Y10", "--bayer", "raw"], &["Y10 images are no Bayer mosaic"]);
+    refused(&["--format", "Y8I", "--stereo-layout", "top-bottom"], &["remove the layout top-bottom"]);
+    refused(&["--format", "RGGB", "--size", "65x64", "--stereo-layout", "side-by-side"], &["65 × 64", "multiple of 2"]);
+    refused(&["--format", "Y10P", "--size", "66x64", "--stereo-layout", "side-by-side"], &["multiple of 4"]);
+}

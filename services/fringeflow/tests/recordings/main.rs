@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod commands;
+mod formats;
 mod fuse;
 mod python;
 mod simulated;

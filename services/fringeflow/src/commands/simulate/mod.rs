@@ -13,7 +13,7 @@ use fringeflow_lab::simulation::{
     Arrangement, Board, BoardApart, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError,
     SimulationOptions, SimulationSummary, Staging,
 };
-use fringeflow_message::PixelFormat;
+use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat, StereoLayout};
 
 use crate::failure::Failure;
 use crate::progress;
@@ -95,14 +95,17 @@ pub(crate) struct Args {
         value_parser = one_of(&NoiseLevel::ALL, NoiseLevel::name)
     )]
     noise: NoiseLevel,
-    /// Bits of a pixel: GREY has 8, Y10 to Y16 have 10 to 16.
-    #[arg(
-        long,
-        value_name = "FORMAT",
-        default_value = "GREY",
-        value_parser = one_of(&PixelFormat::ALL, PixelFormat::name)
-    )]
-    format: PixelFormat,
+    /// Format of the images, as in cameras.format. GREY has 8 bits, Y10 to Y16 have 10 to 16. With any other format, such
+    /// as RGGB, Y12P, YUYV or RGB3, the files are the bytes that a camera would send. Compressed formats are not
+    /// possible.
+    #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = SourceFormat::from_str)]
+    format: SourceFormat,
+    /// Grey level of a Bayer mosaic, when the dataset is read. The default is weighted.
+    #[arg(long, value_name = "LEVEL", value_parser = one_of(&BayerGrey::ALL, BayerGrey::name))]
+    bayer: Option<BayerGrey>,
+    /// Put the views of both cameras into one image.
+    #[arg(long, value_name = "LAYOUT", value_parser = one_of(&StereoLayout::ALL, StereoLayout::name))]
+    stereo_layout: Option<StereoLayout>,
     /// Exponent of the projector. 1 is linear.
     #[arg(long, value_name = "G", default_value_t = 1.0)]
     gamma: f64,
@@ -140,7 +143,7 @@ pub(crate) struct Args {
 }
 
 /// Options that conflict with --config: a configuration has keys of its own for them.
-const DATASET_OPTIONS: [&str; 27] = [
+const DATASET_OPTIONS: [&str; 29] = [
     "object",
     "board",
     "board_albedo",
@@ -158,6 +161,8 @@ const DATASET_OPTIONS: [&str; 27] = [
     "size",
     "noise",
     "format",
+    "bayer",
+    "stereo_layout",
     "gamma",
     "seed",
     "sd",
@@ -245,7 +250,7 @@ impl Args {
             gray: !self.no_gray,
             white_and_black: true,
             noise: self.noise,
-            format: self.format,
+            images: DeviceImages::new(self.format, self.bayer, self.stereo_layout).map_err(SimulationError::from)?,
             gamma: self.gamma,
             supersampling: self.supersampling,
             seed: self.seed,
