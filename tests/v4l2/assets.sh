@@ -12,6 +12,13 @@ export PATH=$PATH:/usr/sbin:/sbin # for depmod; not in every user's PATH
 readonly BOOT_MODULES=(virtio_pci 9pnet_virtio 9p) # loaded by init
 readonly TEST_MODULES=(vivid videodev)             # init loads their dependencies, the tests load the drivers
 readonly UNUSED=(drivers/net drivers/gpu drivers/infiniband drivers/scsi drivers/iio sound)
+# Formats that the loopback driver lacks, and their bits per pixel. It carries the bytes of an image as they are.
+readonly MORE_FORMATS=(
+    "Y10 :16" "Y12 :16" "Y14 :16" "Y10P:10" "Y12P:12" "Y10B:10" "Y8I :16" "Y12I:24"
+    "RGGB:8" "pRAA:10" "pgAA:10" "pGAA:10" "pBAA:10" "pRCC:12" "pgCC:12" "pGCC:12" "pBCC:12"
+    "RG10:16" "BA10:16" "GB10:16" "BG10:16" "RG12:16" "BA12:16" "GB12:16" "BG12:16" "RG16:16" "GR16:16" "GB16:16" "BYR2:16"
+    "XR24:32" "BX24:32" "XB24:32" "RX24:32"
+)
 recipe=$(cat assets.sh init | sha256sum | cut -c 1-8)
 
 fail() {
@@ -67,10 +74,28 @@ unpack_all() {
     [ -e "$work/root/lib" ] || ln -s usr/lib "$work/root/lib"
 }
 
+# Prints an entry of the format table of the driver.
+format_entry() {
+    local code=${1%:*} bits=${1##*:}
+    printf '{\n\t.name = "%s",\n\t.fourcc = v4l2_fourcc('"'%s', '%s', '%s', '%s'"'),\n\t.depth = %s,\n\t.flags = 0,\n},\n' \
+        "$code" "${code:0:1}" "${code:1:1}" "${code:2:1}" "${code:3:1}" "$bits"
+}
+
+# Puts the missing formats at the head of the table.
+add_formats() {
+    local table=$1/v4l2loopback_formats.h format
+    {
+        for format in "${MORE_FORMATS[@]}"; do format_entry "$format"; done
+        cat "$table"
+    } >"$work/formats.h"
+    mv "$work/formats.h" "$table"
+}
+
 build_v4l2loopback() {
     local source=("$work"/root/usr/src/v4l2loopback-*)
     local headers=$work/root/usr/src/linux-headers-$version
     sed -i "s#/usr/src/#$work/root/usr/src/#" "$headers/Makefile"
+    add_formats "${source[0]}"
     quietly make -C "$headers" M="${source[0]}" CC=gcc CONFIG_DEBUG_INFO_BTF_MODULES= modules
     strip --strip-debug "${source[0]}/v4l2loopback.ko"
     cp "${source[0]}/v4l2loopback.ko" "$work/initramfs/modules/"

@@ -8,11 +8,16 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use fringeflow_pixels::{SourceFormat, StereoLayout};
+
 use crate::machine::{SHARE, program};
 
 /// Objects of the scenes: one window each, with the same rig.
 const OBJECTS: [&str; 3] = ["plane", "tooth", "prism"];
 const FOLDER: &str = "scenes";
+const DEVICE_SCENE: &str = "device";
+/// Size of each camera's images in the scene of a device.
+pub(crate) const DEVICE_SIZE_PX: [usize; 2] = [320, 180];
 /// Steps of a window.
 pub(crate) const STEPS: usize = 4;
 
@@ -26,10 +31,13 @@ impl Scene {
     /// Grey levels of the image of a camera (1 or 2) and a step, and its width and height.
     pub(crate) fn image(&self, camera: u32, step: usize) -> (Vec<u8>, [u32; 2]) {
         let file = self.dataset.join(format!("cam{camera}/phase_{step:02}.png"));
-        let mut image = png::Decoder::new(BufReader::new(File::open(file).unwrap())).read_info().unwrap();
-        let mut pixels = vec![0; image.output_buffer_size().unwrap()];
-        let info = image.next_frame(&mut pixels).unwrap();
-        (pixels, [info.width, info.height])
+        read_png(&file)
+    }
+
+    /// The bytes of an image as a device sends it: a raw file, or the grey levels of a PNG.
+    pub(crate) fn device_image(&self, folder: &str, step: usize) -> Vec<u8> {
+        let raw = self.dataset.join(format!("{folder}/phase_{step:02}.raw"));
+        if raw.exists() { fs::read(raw).unwrap() } else { read_png(&raw.with_extension("png")).0 }
     }
 
     /// The PLY file of the cloud, with its dataset name replaced by `name`.
@@ -74,6 +82,26 @@ pub(crate) fn make_scenes(share: &Path) {
     }
 }
 
+/// Makes a scene whose images are those of a device with this format. [`device_scene`] finds it.
+pub(crate) fn make_device_scene(share: &Path, format: SourceFormat, layout: Option<StereoLayout>) {
+    let folder = share.join(FOLDER);
+    fs::create_dir(&folder).unwrap();
+    let size = DEVICE_SIZE_PX.map(|side| side.to_string()).join("x");
+    let mut options = vec!["--object", "plane", "--size", &size, "--period", "32"];
+    if format != SourceFormat::Grey {
+        options.extend(["--format", format.name()]);
+    }
+    if let Some(layout) = layout {
+        options.extend(["--stereo-layout", layout.name()]);
+    }
+    simulate(&Scene { dataset: folder.join(DEVICE_SCENE) }, &options);
+}
+
+/// The scene of [`make_device_scene`], in the guest.
+pub(crate) fn device_scene() -> Scene {
+    Scene { dataset: Path::new(SHARE).join(FOLDER).join(DEVICE_SCENE) }
+}
+
 /// Makes a scene with images of another size, for example "80x72". [`of_size`] finds it by the size.
 pub(crate) fn make_scene_of_size(share: &Path, size: &str) {
     simulate(&Scene { dataset: share.join(FOLDER).join(size) }, &["--object", "plane", "--size", size]);
@@ -87,6 +115,14 @@ pub(crate) fn all() -> Vec<Scene> {
 /// The scene of [`make_scene_of_size`], in the guest.
 pub(crate) fn of_size(size: &str) -> Scene {
     Scene { dataset: Path::new(SHARE).join(FOLDER).join(size) }
+}
+
+/// Bytes of the pixels of a PNG file, and its width and height.
+fn read_png(file: &Path) -> (Vec<u8>, [u32; 2]) {
+    let mut image = png::Decoder::new(BufReader::new(File::open(file).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; image.output_buffer_size().unwrap()];
+    let info = image.next_frame(&mut pixels).unwrap();
+    (pixels, [info.width, info.height])
 }
 
 fn simulate(scene: &Scene, options: &[&str]) {

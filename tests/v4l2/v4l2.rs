@@ -8,7 +8,8 @@
 //! |---|---|---|
 //! | `guest::images` | two vivid cameras | formats, controls, rates, exact counts of dropped images |
 //! | `guest::faults` | up to twelve vivid cameras | each error that vivid can inject, twenty times; signals |
-//! | `guest::loopback` | two v4l2loopback devices | the same clouds as from files; JPEG; skew of free cameras; cost |
+//! | `guest::loopback` | two v4l2loopback devices | clouds as from files; both views of one device; JPEG; skew; cost |
+//! | `guest::long_run` | one or two of the same | by hand: any format, rate and duration, with exact accounts |
 //!
 //! The loopback devices deliver images of the virtual scanner. Rates and latencies are not asserted: the machine is
 //! emulated and slow.
@@ -43,4 +44,11 @@ fn the_pipeline_on_loopback_cameras() {
         scenes::make_scene_of_size(share, guest::SIZE_OF_CAMERAS);
         scenes::make_scene_of_size(share, guest::SIZE_OF_JPEG);
     });
+}
+
+#[test]
+#[ignore = "by hand, see guest/long_run.rs"]
+fn a_long_run() {
+    let wanted = std::env::var("LONG_RUN").unwrap();
+    machine::run("guest::long_run", |share| guest::make_long_run(share, &wanted));
 }

@@ -6,11 +6,12 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use fringeflow_base::grey::PixelFormat;
-use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat};
+use fringeflow_pixels::{BayerGrey, DeviceImages, DeviceImagesError, SourceFormat};
 
 use super::ConfigurationProblem;
 use super::extension_units::{self, ExtensionUnitSetting};
 use super::raw::{RawCameras, RawV4l2Camera, checked, one_of};
+use super::stereo;
 
 /// Minimum default time without an image after which a camera counts as stalled, milliseconds.
 const TIMEOUT_MS: u64 = 1000;
@@ -26,6 +27,8 @@ pub enum CameraSource {
     External,
     /// Two V4L2 devices.
     V4l2(Box<[V4l2Camera; 2]>),
+    /// One V4L2 device whose images hold the views of both cameras.
+    V4l2Stereo(Box<V4l2Camera>),
 }
 
 /// A V4L2 device and its settings.
@@ -176,19 +179,27 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
         External,
         V4l2,
     }
-    let virtual_or_external = |source| match (&raw.cam1, &raw.cam2) {
-        (None, None) => Ok(source),
+    let virtual_or_external = |source| match (&raw.cam1, &raw.cam2, &raw.both) {
+        (None, None, None) => Ok(source),
         _ => Err(ConfigurationProblem::Value {
             key: "cameras.source",
             value: format!("{:?}", raw.source),
-            expected: "only the source \"v4l2\" has [cameras.cam1] and [cameras.cam2]: remove them, or use that source",
+            expected: "only the source \"v4l2\" has [cameras.cam1], [cameras.cam2] and [cameras.both]: remove them, or use \
+                       that source",
         }),
     };
     let known = [("virtual", Source::Virtual), ("external", Source::External), ("v4l2", Source::V4l2)];
     match one_of("cameras.source", &raw.source, &known)? {
         Source::Virtual => virtual_or_external(CameraSource::Virtual),
         Source::External => virtual_or_external(CameraSource::External),
-        Source::V4l2 => v4l2(raw, rate_hz).map(|cameras| CameraSource::V4l2(Box::new(cameras))),
+        Source::V4l2 => match &raw.both {
+            Some(both) => {
+                stereo::check_only_device(raw)?;
+                let device = device_in_table("both", both, rate_hz)?;
+                Ok(CameraSource::V4l2Stereo(Box::new(device)))
+            }
+            None => v4l2(raw, rate_hz).map(|cameras| CameraSource::V4l2(Box::new(cameras))),
+        },
     }
 }
 
@@ -197,8 +208,13 @@ pub(super) fn device_images(source: &CameraSource, raw: &RawCameras) -> Result<D
     let format = source_format(source, raw.format.as_deref())?;
     let known = BayerGrey::ALL.map(|grey| (grey.name(), grey));
     let bayer = raw.bayer.as_deref().map(|name| one_of("cameras.bayer", name, &known)).transpose()?;
+    let layout = stereo::stereo_layout(source, raw, format)?;
     let problem = |problem: String| ConfigurationProblem::Named { key: "cameras.bayer", problem };
-    let images = DeviceImages::new(format, bayer, None).map_err(|e| problem(e.to_string()))?;
+    let images = DeviceImages::new(format, bayer, layout).map_err(|error| {
+        let is_layout = matches!(error, DeviceImagesError::Interleaved { .. });
+        let key = if is_layout { "cameras.stereo_layout" } else { "cameras.bayer" };
+        ConfigurationProblem::Named { key, problem: error.to_string() }
+    })?;
     images.check_binning(raw.binning.unwrap_or(1)).map_err(|e| problem(e.to_string()))?;
     Ok(images)
 }
@@ -212,7 +228,7 @@ fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceForm
             let formats = PixelFormat::ALL.map(|format| (format.name(), SourceFormat::from(format)));
             one_of("cameras.format", name, &formats)
         }
-        CameraSource::V4l2(_) => {
+        CameraSource::V4l2(_) | CameraSource::V4l2Stereo(_) => {
             let format = name.parse::<SourceFormat>();
             format.map_err(|e| ConfigurationProblem::Named { key: "cameras.format", problem: e.to_string() })
         }
@@ -222,14 +238,11 @@ fn source_format(source: &CameraSource, name: Option<&str>) -> Result<SourceForm
 fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], ConfigurationProblem> {
     let missing = |key| ConfigurationProblem::Missing {
         key,
-        expected: "it must be a table whose key device names a V4L2 device; `fringeflow cameras` lists the devices",
+        expected: "it must be a table whose key device names a V4L2 device; `fringeflow cameras` lists the devices. One \
+                   device that gives both images has the table [cameras.both] instead of two",
     };
-    let camera = |camera, raw| {
-        let in_table = |problem| ConfigurationProblem::Camera { camera, problem: Box::new(problem) };
-        v4l2_camera(raw, rate_hz).map_err(in_table)
-    };
-    let cam1 = camera("cam1", raw.cam1.as_ref().ok_or_else(|| missing("cameras.cam1"))?)?;
-    let cam2 = camera("cam2", raw.cam2.as_ref().ok_or_else(|| missing("cameras.cam2"))?)?;
+    let cam1 = device_in_table("cam1", raw.cam1.as_ref().ok_or_else(|| missing("cameras.cam1"))?, rate_hz)?;
+    let cam2 = device_in_table("cam2", raw.cam2.as_ref().ok_or_else(|| missing("cameras.cam2"))?, rate_hz)?;
     if cam1.device == cam2.device {
         return Err(ConfigurationProblem::Value {
             key: "cameras.cam2.device",
@@ -238,6 +251,12 @@ fn v4l2(raw: &RawCameras, rate_hz: f64) -> Result<[V4l2Camera; 2], Configuration
         });
     }
     Ok([cam1, cam2])
+}
+
+/// Reads the table of a device, `[cameras.NAME]`.
+fn device_in_table(name: &'static str, raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, ConfigurationProblem> {
+    let in_table = |problem| ConfigurationProblem::Camera { camera: name, problem: Box::new(problem) };
+    v4l2_camera(raw, rate_hz).map_err(in_table)
 }
 
 fn v4l2_camera(raw: &RawV4l2Camera, rate_hz: f64) -> Result<V4l2Camera, ConfigurationProblem> {

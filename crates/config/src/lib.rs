@@ -31,6 +31,7 @@ mod processors;
 mod raw;
 mod renamed_keys;
 mod scanner;
+mod stereo;
 mod tracking;
 mod virtual_scanner;
 
@@ -134,7 +135,7 @@ pub enum ConfigurationProblem {
     /// A problem in the table of one camera.
     #[error("in [cameras.{camera}]: {problem}")]
     Camera {
-        /// `cam1` or `cam2`.
+        /// `cam1`, `cam2` or `both`.
         camera: &'static str,
         /// The problem.
         #[source]

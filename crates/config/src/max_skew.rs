@@ -46,7 +46,8 @@ pub(super) fn with_max_skew(text: &str, max_skew_ns: u64) -> String {
     let Ok(mut table) = text.parse::<Table>() else { return text.to_owned() };
     let Some(Value::Table(cameras)) = table.get_mut("cameras") else { return text.to_owned() };
     let max_skew_us = max_skew_ns as f64 / 1e3;
-    if cameras.contains_key("max_skew_us") {
+    // The images of one device are exposed together, and the key does not apply to them.
+    if ["max_skew_us", "both"].iter().any(|key| cameras.contains_key(*key)) {
         return text.to_owned();
     }
     cameras.insert("max_skew_us".to_owned(), max_skew_us.into());

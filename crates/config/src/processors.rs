@@ -10,11 +10,12 @@ use super::ConfigurationProblem;
 use super::raw::{RawProcessors, checked, one_of};
 
 /// Services that may have a table. The names are those of `fringeflow service`.
-pub const SERVICES: [&str; 10] = [
+pub const SERVICES: [&str; 11] = [
     "virtual-projector",
     "virtual-cameras",
     "camera1",
     "camera2",
+    "stereo-camera",
     "phase",
     "correspondence",
     "cloud",

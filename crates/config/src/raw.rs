@@ -132,6 +132,8 @@ pub(super) struct RawCameras {
     pub(super) binning: Option<usize>,
     pub(super) cam1: Option<RawV4l2Camera>,
     pub(super) cam2: Option<RawV4l2Camera>,
+    pub(super) both: Option<RawV4l2Camera>,
+    pub(super) stereo_layout: Option<String>,
 }
 
 #[derive(Deserialize)]

@@ -1,26 +1,28 @@
-//! Publishes the images of a camera.
+//! Publishes the images of a device: those of one camera, or both views of a device that gives the images of both.
 //!
-//! In: images in the driver's buffers. Out: images in shared memory, each copied once, and the counts of the account.
+//! In: images in the driver's buffers. Out: images in shared memory, each copied once, and the counts of the accounts.
+//! Both views of an image have the same session, number and times, so they are a pair.
 
 use fringeflow_config::{CameraSource, V4l2Camera};
-use fringeflow_dataset::CameraId;
-use fringeflow_message::{DropReason, FrameHeader, ScanState, Stage, flags};
+use fringeflow_message::{DropReason, FrameHeader, ScanState, flags};
 use fringeflow_pixels::{ImageReader, UnpackError};
-use fringeflow_runtime::{Account, AccountError, Host, ItemTimes, MAX_WAIT, ServiceError, clock, receive};
-use fringeflow_transport::{CAM1_FRAME, CAM2_FRAME, Publisher, SCAN_STATE, Subscriber, TransportError, wait_for};
+use fringeflow_runtime::{AccountError, Host, ItemTimes, MAX_WAIT, ServiceError, clock, receive};
+use fringeflow_transport::{SCAN_STATE, Subscriber, TransportError, wait_for};
 
 use crate::camera::{Camera, Image};
+use crate::camera_channel::{CameraChannel, SendError, send_both};
+use crate::captured_cameras::CapturedCameras;
 use crate::device::Wanted;
 use crate::time_stamps::Stamped;
 
-/// A camera with its channel and its account.
+/// A device with the channels and accounts of its cameras.
 pub(crate) struct Capture {
-    id: CameraId,
-    stage: Stage,
     camera: Camera,
     reader: ImageReader,
-    account: Account,
-    output: Publisher<FrameHeader, [u8]>,
+    /// That of the only camera, or of camera 1. The incidents of the device are in its account.
+    channel: CameraChannel,
+    /// That of camera 2, if the device gives the images of both.
+    second: Option<CameraChannel>,
     states: Subscriber<(), ScanState>,
     scanning: bool,
     /// Last logged fault of an image; repetitions are not logged.
@@ -28,25 +30,19 @@ pub(crate) struct Capture {
 }
 
 impl Capture {
-    pub(crate) fn open(host: &Host, id: CameraId) -> Result<Self, ServiceError> {
-        let settings = camera_settings(host, id)?;
-        let (stage, channel) = match id {
-            CameraId::Cam1 => (Stage::Camera1, CAM1_FRAME),
-            CameraId::Cam2 => (Stage::Camera2, CAM2_FRAME),
-        };
+    pub(crate) fn open(host: &Host, cameras: CapturedCameras) -> Result<Self, ServiceError> {
+        let settings = device_settings(host, cameras)?;
         let wanted = Wanted {
-            format: host.configuration.device_images.format(),
-            size_px: host.setup.readout.sensor_px(),
+            images: host.configuration.device_images,
+            view_px: host.setup.readout.sensor_px(),
             rate_hz: host.configuration.rate_hz,
         };
+        let reader = ImageReader::new(wanted.images, host.setup.readout);
         Ok(Self {
-            id,
-            stage,
             camera: Camera::new(settings, wanted),
-            reader: ImageReader::new(host.configuration.device_images, host.setup.readout)
-                .map_err(|e| ServiceError::Unusable(e.to_string()))?,
-            account: host.open_account(stage)?,
-            output: Publisher::open(&host.node, channel, &host.sizes)?,
+            reader: reader.map_err(|e| ServiceError::Unusable(e.to_string()))?,
+            channel: CameraChannel::open(host, cameras.first())?,
+            second: cameras.second().map(|id| CameraChannel::open(host, id)).transpose()?,
             states: Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?,
             scanning: false,
             last_logged: None,
@@ -68,7 +64,7 @@ impl Capture {
             }
         }
         self.publish_all(host)?;
-        self.camera.incidents.write(&mut self.account)?;
+        self.camera.incidents.write(&mut self.channel.account)?;
         if !self.scanning {
             if was_scanning {
                 self.camera.close();
@@ -82,12 +78,24 @@ impl Capture {
 
     /// Reports the counts.
     pub(crate) fn report(&self, host: &mut Host) {
-        host.report(self.stage, self.account.counts(), None);
+        self.report_item(host, None);
     }
 
     pub(crate) fn ensure_connected(&mut self, now_ns: u64) -> Result<(), TransportError> {
-        self.output.ensure_connected()?;
+        self.channels_mut().try_for_each(CameraChannel::ensure_connected)?;
         self.states.ensure_connected(now_ns).map(|_| ())
+    }
+
+    fn channels(&self) -> impl Iterator<Item = &CameraChannel> {
+        [&self.channel].into_iter().chain(&self.second)
+    }
+
+    fn channels_mut(&mut self) -> impl Iterator<Item = &mut CameraChannel> {
+        [&mut self.channel].into_iter().chain(&mut self.second)
+    }
+
+    fn report_item(&self, host: &mut Host, times: Option<ItemTimes>) {
+        self.channels().for_each(|channel| host.report(channel.stage, channel.account.counts(), times));
     }
 
     fn publish_all(&mut self, host: &mut Host) -> Result<(), AccountError> {
@@ -108,14 +116,19 @@ impl Capture {
         let header = self.header(image, stamped);
         let bytes = self.camera.bytes(image);
         let stride_bytes = self.camera.prepared().map_or(0, |prepared| prepared.stride_bytes);
-        let passed = self.account.counts().passed;
-        match send(&mut self.output, &mut self.account, &header, &mut self.reader, (bytes, stride_bytes)) {
+        let passed = self.channel.account.counts().passed;
+        let source = (bytes, stride_bytes);
+        let sent = match &mut self.second {
+            None => self.channel.send(&header, &mut self.reader, source),
+            Some(second) => send_both([&mut self.channel, second], &header, &mut self.reader, source),
+        };
+        match sent {
             Ok(()) => self.last_logged = None,
             Err(SendError::Transport(error)) => {
                 tracing::warn!("{error}");
                 // An unsent image that has its number leaves a gap in the channel, and subscribers count it as lost.
                 // Without a number it is counted here.
-                if self.account.counts().passed == passed {
+                if self.channel.account.counts().passed == passed {
                     return self.count_lost(1, DropReason::NoSample);
                 }
             }
@@ -125,11 +138,11 @@ impl Capture {
         let exposure_start_ns = stamped.exposure_start_ns;
         let received_ns = image.received_ns;
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns: received_ns, passed_ns: clock::now_ns() };
-        host.report(self.stage, self.account.counts(), Some(times));
+        self.report_item(host, Some(times));
         Ok(())
     }
 
-    /// Returns the header of an image. Its number in the channel is set when it is sent.
+    /// Returns the header of an image. Its camera, and its number in the channel, are set when it is sent.
     fn header(&self, image: &Image, stamped: &Stamped) -> FrameHeader {
         let format = self.reader.pixel_format();
         let [width_px, height_px] = self.reader.image_size_px().map(|side| side as u32);
@@ -146,7 +159,7 @@ impl Capture {
             stride_bytes: width_px * format.bytes() as u32,
             pixel_format: format.code(),
             flags: if stamped.is_estimated { flags::START_RECKONED } else { 0 },
-            camera: self.id as u32 + 1,
+            camera: 0,
         }
     }
 
@@ -159,55 +172,23 @@ impl Capture {
         self.count_lost(1, DropReason::BadImage)
     }
 
-    /// Counts images that are not published.
+    /// Counts images of the device that are not published, for each of its cameras.
     fn count_lost(&mut self, images: u64, reason: DropReason) -> Result<(), AccountError> {
-        self.account.count_taken(images)?;
-        self.account.drop_many(reason, images)
+        self.channels_mut().try_for_each(|channel| channel.count_lost(images, reason))
     }
 }
 
-/// Why an image was not sent.
-#[derive(Debug)]
-enum SendError {
-    Image(UnpackError),
-    Account(AccountError),
-    Transport(TransportError),
-}
-
-/// Copies the used region of an image into shared memory, in rows without gaps, and sends it.
-fn send(
-    output: &mut Publisher<FrameHeader, [u8]>,
-    account: &mut Account,
-    header: &FrameHeader,
-    reader: &mut ImageReader,
-    (bytes, stride_bytes): (&[u8], usize),
-) -> Result<(), SendError> {
-    let len = reader.image_bytes();
-    let number_header = |account: &mut Account| {
-        let published = account.count_taken_and_passed().map_err(SendError::Account)?;
-        Ok(FrameHeader { published, ..*header })
-    };
-    // An image that needs no conversion is copied as a whole, into memory that was not cleared before.
-    if let Some(pixels) = bytes.get(..len).filter(|_| reader.is_passthrough(stride_bytes)) {
-        let header = number_header(account)?;
-        return output.send(&header, pixels).map_err(SendError::Transport);
-    }
-    let sent = output.try_send_filled(len, |pixels| {
-        reader.read(0, bytes, stride_bytes, pixels).map_err(SendError::Image)?;
-        number_header(account)
-    });
-    sent.map_err(SendError::Transport)?
-}
-
-/// Returns the settings of a V4L2 camera.
+/// Returns the settings of a V4L2 device.
 ///
 /// # Errors
 /// The configuration has another source of images.
-fn camera_settings(host: &Host, id: CameraId) -> Result<V4l2Camera, ServiceError> {
-    match &host.configuration.cameras {
-        CameraSource::V4l2(cameras) => Ok(cameras[id as usize].clone()),
-        CameraSource::Virtual | CameraSource::External => {
-            let why = "the configuration has no V4L2 cameras; set cameras.source = \"v4l2\"";
+fn device_settings(host: &Host, cameras: CapturedCameras) -> Result<V4l2Camera, ServiceError> {
+    match (&host.configuration.cameras, cameras) {
+        (CameraSource::V4l2(devices), CapturedCameras::One(id)) => Ok(devices[id as usize].clone()),
+        (CameraSource::V4l2Stereo(device), CapturedCameras::Both) => Ok((**device).clone()),
+        _ => {
+            let why = "the configuration has no V4L2 device for this service; set cameras.source = \"v4l2\", and \
+                       [cameras.cam1] and [cameras.cam2] for two devices or [cameras.both] for one";
             Err(ServiceError::Unusable(why.to_owned()))
         }
     }

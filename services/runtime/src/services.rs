@@ -14,6 +14,8 @@ pub enum ServiceKind {
     Camera1,
     /// Camera 2, a V4L2 device.
     Camera2,
+    /// Both cameras, one V4L2 device.
+    StereoCamera,
     /// From images to phase maps.
     Phase,
     /// From phase maps to correspondences.
@@ -30,11 +32,12 @@ pub enum ServiceKind {
 
 impl ServiceKind {
     /// All services, in the order of the pipeline.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::VirtualProjector,
         Self::VirtualCameras,
         Self::Camera1,
         Self::Camera2,
+        Self::StereoCamera,
         Self::Phase,
         Self::Correspondence,
         Self::Cloud,
@@ -51,6 +54,7 @@ impl ServiceKind {
             Self::VirtualCameras => "virtual-cameras",
             Self::Camera1 => "camera1",
             Self::Camera2 => "camera2",
+            Self::StereoCamera => "stereo-camera",
             Self::Phase => "phase",
             Self::Correspondence => "correspondence",
             Self::Cloud => "cloud",
@@ -65,7 +69,7 @@ impl ServiceKind {
     pub fn stages(self) -> &'static [Stage] {
         match self {
             Self::VirtualProjector => &[Stage::Projector],
-            Self::VirtualCameras => &[Stage::Camera1, Stage::Camera2],
+            Self::VirtualCameras | Self::StereoCamera => &[Stage::Camera1, Stage::Camera2],
             Self::Camera1 => &[Stage::Camera1],
             Self::Camera2 => &[Stage::Camera2],
             Self::Phase => &[Stage::Pattern, Stage::Pairing, Stage::Windowing, Stage::Phase],
@@ -85,6 +89,7 @@ pub fn live_services(configuration: &ScannerConfiguration) -> Vec<ServiceKind> {
     let cameras: &[ServiceKind] = match configuration.cameras {
         CameraSource::Virtual => &[ServiceKind::VirtualCameras],
         CameraSource::V4l2(_) => &[ServiceKind::Camera1, ServiceKind::Camera2],
+        CameraSource::V4l2Stereo(_) => &[ServiceKind::StereoCamera],
         CameraSource::External => &[],
     };
     let monitor = configuration.monitor.is_enabled.then_some(ServiceKind::Monitor);

@@ -4,9 +4,11 @@ mod capture;
 mod driver;
 mod faults;
 mod images;
+mod long_run;
 mod loopback;
 mod scanner;
 mod vivid;
 mod witness;
 
+pub(crate) use long_run::make as make_long_run;
 pub(crate) use loopback::{SIZE_OF_CAMERAS, SIZE_OF_JPEG};

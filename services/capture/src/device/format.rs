@@ -6,13 +6,14 @@ use v4l::v4l_sys::{
     v4l2_format, v4l2_pix_format_mplane,
 };
 
-use fringeflow_pixels::SourceFormat;
+use fringeflow_pixels::{DeviceImagesError, SourceFormat};
 
 use crate::ioctl::{
     BufferKind, CallError, Device, G_FMT, MAX_PLANES, S_FMT, multi_planar, set_multi_planar, single_planar, zeroed,
 };
 
 use super::offer::{self, OfferedFormat, format_name};
+use super::wanted::Wanted;
 
 /// Layout of the images in buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +38,7 @@ pub enum FormatError {
     /// The device takes another format or size.
     #[error(
         "the device takes {answered} instead of {wanted}; it offers {}; change cameras.format, or use a device and a \
-         calibration with the same image size",
+         calibration whose image sizes fit",
         offer::formats_text(offered)
     )]
     Other {
@@ -72,6 +73,9 @@ pub enum FormatError {
         /// The reported number.
         count: u32,
     },
+    /// The views of an image do not fit its format.
+    #[error(transparent)]
+    Views(#[from] DeviceImagesError),
     /// A call was refused.
     #[error(transparent)]
     Call(#[from] CallError),
@@ -81,12 +85,9 @@ pub enum FormatError {
 ///
 /// # Errors
 /// The device refuses them, or takes others.
-pub(crate) fn set(
-    device: &Device,
-    kind: u32,
-    format: SourceFormat,
-    size_px: [usize; 2],
-) -> Result<Layout, FormatError> {
+pub(crate) fn set(device: &Device, kind: u32, wanted: &Wanted) -> Result<Layout, FormatError> {
+    let format = wanted.images.format();
+    let size_px = wanted.images.image_px(wanted.view_px)?;
     // A size beyond 32 bits becomes one that no device takes.
     let size = size_px.map(|n| u32::try_from(n).unwrap_or(u32::MAX));
     let mut requested = format_request(kind, format.code(), size);
@@ -98,7 +99,7 @@ pub(crate) fn set(
     };
     if (layout.code, layout.size_px) != (format.code(), size) {
         return Err(FormatError::Other {
-            wanted: format_text(format.code(), size),
+            wanted: format_text(format.code(), size) + &views_text(wanted),
             answered: format_text(layout.code, layout.size_px),
             offered: offer::list_formats(device, kind),
         });
@@ -172,6 +173,15 @@ fn check_layout(layout: &Layout, format: SourceFormat) -> Result<(), FormatError
     match layout.kind.planes {
         Some(count) if !(1..=MAX_PLANES).contains(&(count as usize)) => Err(FormatError::Planes { count }),
         _ => Ok(()),
+    }
+}
+
+/// Explains the size of an image with two views; empty for one view.
+fn views_text(wanted: &Wanted) -> String {
+    let [width, height] = wanted.view_px;
+    match wanted.images.layout() {
+        Some(layout) => format!(" (two images of {width}x{height} {layout}, the size in the calibration)"),
+        None => String::new(),
     }
 }
 

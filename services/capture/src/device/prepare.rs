@@ -9,7 +9,6 @@ use rustix::io::Errno;
 use v4l::v4l_sys::{V4L2_CID_EXPOSURE_ABSOLUTE, V4L2_CTRL_FLAG_INACTIVE, V4L2_CTRL_FLAG_MODIFY_LAYOUT};
 
 use fringeflow_config::{ControlValue, V4l2Camera};
-use fringeflow_pixels::SourceFormat;
 
 use crate::ioctl::{BufferKind, CallError, Device};
 
@@ -22,20 +21,10 @@ use super::offer::{self, rate_text};
 use super::rate::{self, RateError};
 use super::setting::{self, ControlError, Joined};
 use super::timings::{self, Signal, TimingsError};
+use super::wanted::Wanted;
 
 /// Unit of the exposure control, nanoseconds.
 const EXPOSURE_UNIT_NS: u64 = 100_000;
-
-/// The images that are wanted from a camera.
-#[derive(Clone, Copy, Debug)]
-pub struct Wanted {
-    /// Pixel format.
-    pub format: SourceFormat,
-    /// Width and height, pixels.
-    pub size_px: [usize; 2],
-    /// Frame rate.
-    pub rate_hz: f64,
-}
 
 /// A device that is ready to stream.
 #[derive(Debug)]
@@ -117,7 +106,7 @@ impl PrepareError {
 /// # Errors
 /// The device is not a camera, does not take a setting as written, or is gone or busy.
 pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> Result<Prepared, PrepareError> {
-    let Wanted { format, size_px, rate_hz } = *wanted;
+    let rate_hz = wanted.rate_hz;
     let capability = Capability::read(device)?;
     let kind = buffer_type(&capability)?;
     let signal = camera.video_timings.map(|wanted| timings::set(device, wanted)).transpose()?;
@@ -125,7 +114,7 @@ pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> 
     let [before, after] = split_settings(&controls, &camera.controls);
     // Controls that rotate or crop the images change the format, so they are set before it.
     setting::set(device, &controls, &before).map_err(PrepareError::Controls)?;
-    let layout = format::set(device, kind, format, size_px).map_err(|error| format_error(&capability, error))?;
+    let layout = format::set(device, kind, wanted).map_err(|error| format_error(&capability, error))?;
     if camera.set_rate {
         rate::set(device, kind, rate_hz)?;
     }

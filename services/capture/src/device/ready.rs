@@ -1,4 +1,4 @@
-//! Opens a camera by its name in the configuration and prepares it for streaming. Also checks both cameras before a
+//! Opens a camera by its name in the configuration and prepares it for streaming. Also checks the cameras before a
 //! run: whether they are connected and take their settings.
 
 use std::path::{Path, PathBuf};
@@ -9,8 +9,9 @@ use crate::ioctl::{BufferKind, CallError, Device};
 
 use super::capability::Capability;
 use super::find::{FindError, find_device, open_node};
-use super::prepare::{PrepareError, Prepared, Wanted, prepare};
+use super::prepare::{PrepareError, Prepared, prepare};
 use super::stamp_source;
+use super::wanted::Wanted;
 
 /// A camera that is connected and takes its settings. It is closed again.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,13 +70,7 @@ impl CameraError {
 /// Finds both cameras, sets them as configured, reads the settings back, and closes them. Without `wanted` the cameras
 /// are only found.
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
-    let check = |camera: &V4l2Camera, path: PathBuf| match wanted {
-        Some(wanted) => open_at(&path, camera, wanted).map(|(device, prepared)| {
-            let stamps = stamps_text(&device, camera.stamp, prepared.kind);
-            ReadyCamera { path, notes: prepared.notes.into_iter().chain([stamps]).collect() }
-        }),
-        None => Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] }),
-    };
+    let check = |camera, path| check_at(camera, path, wanted);
     let [cam1, cam2] = cameras;
     match [find_device(&cam1.device), find_device(&cam2.device)] {
         [Ok(path1), Ok(path2)] if path1 == path2 => {
@@ -87,6 +82,23 @@ pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Res
             path2.map_err(CameraError::Find).and_then(|path| check(cam2, path)),
         ],
     }
+}
+
+/// Checks the device that gives the images of both cameras, as [`check_cameras`] does.
+///
+/// # Errors
+/// The device is not connected, or does not take its settings.
+pub fn check_stereo_camera(camera: &V4l2Camera, wanted: Option<&Wanted>) -> Result<ReadyCamera, CameraError> {
+    check_at(camera, find_device(&camera.device)?, wanted)
+}
+
+fn check_at(camera: &V4l2Camera, path: PathBuf, wanted: Option<&Wanted>) -> Result<ReadyCamera, CameraError> {
+    let Some(wanted) = wanted else {
+        return Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] });
+    };
+    let (device, prepared) = open_at(&path, camera, wanted)?;
+    let stamps = stamps_text(&device, camera.stamp, prepared.kind);
+    Ok(ReadyCamera { path, notes: prepared.notes.into_iter().chain([stamps]).collect() })
 }
 
 /// Describes the time stamps of a device, and how the configuration takes them.

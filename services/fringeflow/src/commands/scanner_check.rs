@@ -5,7 +5,7 @@ use std::path::Path;
 
 use rustix::fs::{Access, access, statvfs};
 
-use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras};
+use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras, check_stereo_camera};
 use fringeflow_config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
 use fringeflow_dataset::Setup;
 use fringeflow_runtime::{ServiceArgs, channel_sizes};
@@ -100,27 +100,32 @@ fn rig_text(setup: &Setup) -> String {
     format!("images of {width}x{height}, {} steps{volume}", setup.steps)
 }
 
-/// Checks both cameras; returns nothing unless they are V4L2 devices.
+/// Checks the cameras; returns nothing unless they are V4L2 devices.
 fn camera_results(configuration: &ScannerConfiguration, setup: Option<&Setup>) -> Vec<CheckResult> {
     let result = |(what, found): (_, Result<ReadyCamera, CameraError>)| {
         let text = |camera: ReadyCamera| format!("{}: {}", camera.path.display(), camera.notes.join(", "));
         CheckResult::new(what, found.map(text))
     };
-    let checked = checked_cameras(configuration, setup);
-    checked.into_iter().flat_map(|found| ["camera 1", "camera 2"].into_iter().zip(found)).map(result).collect()
+    checked_cameras(configuration, setup).into_iter().map(result).collect()
 }
 
+/// Checks each V4L2 device, and names the cameras whose images it gives.
 fn checked_cameras(
     configuration: &ScannerConfiguration,
     setup: Option<&Setup>,
-) -> Option<[Result<ReadyCamera, CameraError>; 2]> {
-    let CameraSource::V4l2(cameras) = &configuration.cameras else { return None };
+) -> Vec<(&'static str, Result<ReadyCamera, CameraError>)> {
     let wanted = setup.map(|setup| Wanted {
-        format: configuration.device_images.format(),
-        size_px: setup.readout.sensor_px(),
+        images: configuration.device_images,
+        view_px: setup.readout.sensor_px(),
         rate_hz: configuration.rate_hz,
     });
-    Some(check_cameras(cameras, wanted.as_ref()))
+    match &configuration.cameras {
+        CameraSource::Virtual | CameraSource::External => Vec::new(),
+        CameraSource::V4l2(cameras) => {
+            ["camera 1", "camera 2"].into_iter().zip(check_cameras(cameras, wanted.as_ref())).collect()
+        }
+        CameraSource::V4l2Stereo(camera) => vec![("cameras 1 and 2", check_stereo_camera(camera, wanted.as_ref()))],
+    }
 }
 
 /// Checks the settings of the cameras and the monitor. An absent or busy camera is not an error: its service waits for
@@ -129,12 +134,11 @@ fn checked_cameras(
 /// # Errors
 /// A camera does not accept its settings, or the monitor cannot listen.
 pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setup) -> Result<(), Failure> {
-    let checked = checked_cameras(configuration, Some(setup)).into_iter().flatten();
-    for (number, found) in (1..).zip(checked) {
+    for (what, found) in checked_cameras(configuration, Some(setup)) {
         if let Err(error) = found
             && error.is_lasting()
         {
-            return Err(Failure::Usage(format!("camera {number}: {error}")));
+            return Err(Failure::Usage(format!("{what}: {error}")));
         }
     }
     fringeflow_monitor::check(&configuration.monitor).map(drop).map_err(Failure::Usage)

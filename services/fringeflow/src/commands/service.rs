@@ -1,5 +1,6 @@
 //! `fringeflow service`: one service of an instance, in a process that the supervisor starts.
 
+use fringeflow_capture::CapturedCameras;
 use fringeflow_dataset::CameraId;
 use fringeflow_recorder::Outcome;
 use fringeflow_runtime::{ServiceArgs, ServiceError, ServiceKind};
@@ -24,6 +25,8 @@ enum Service {
     Camera1(ServiceArgs),
     /// Capture the images of camera 2, a V4L2 device.
     Camera2(ServiceArgs),
+    /// Capture the images of both cameras from one V4L2 device.
+    StereoCamera(ServiceArgs),
     /// Compute phase maps from images.
     Phase(ServiceArgs),
     /// Find correspondences in phase maps.
@@ -52,6 +55,7 @@ impl Service {
             Self::VirtualCameras(_) => ServiceKind::VirtualCameras,
             Self::Camera1(_) => ServiceKind::Camera1,
             Self::Camera2(_) => ServiceKind::Camera2,
+            Self::StereoCamera(_) => ServiceKind::StereoCamera,
             Self::Phase(_) => ServiceKind::Phase,
             Self::Correspondence(_) => ServiceKind::Correspondence,
             Self::Cloud(_) => ServiceKind::Cloud,
@@ -66,8 +70,9 @@ impl Service {
         let done = match self {
             Self::VirtualProjector(arguments) => fringeflow_virtual_rig::projector::run(arguments),
             Self::VirtualCameras(arguments) => fringeflow_virtual_rig::cameras::run(arguments),
-            Self::Camera1(arguments) => fringeflow_capture::run(arguments, CameraId::Cam1),
-            Self::Camera2(arguments) => fringeflow_capture::run(arguments, CameraId::Cam2),
+            Self::Camera1(arguments) => fringeflow_capture::run(arguments, CapturedCameras::One(CameraId::Cam1)),
+            Self::Camera2(arguments) => fringeflow_capture::run(arguments, CapturedCameras::One(CameraId::Cam2)),
+            Self::StereoCamera(arguments) => fringeflow_capture::run(arguments, CapturedCameras::Both),
             Self::Phase(arguments) => fringeflow_stages::phase::run(arguments),
             Self::Correspondence(arguments) => fringeflow_stages::correspondence::run(arguments),
             Self::Cloud(arguments) => fringeflow_stages::cloud::run(arguments),

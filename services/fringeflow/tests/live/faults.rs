@@ -43,6 +43,23 @@ fn every_fault_is_counted_and_no_window_mixes_steps() {
 }
 
 #[test]
+fn pairs_beyond_the_limit_of_the_skew_are_refused_live_and_in_a_replay() {
+    // The virtual camera 2 exposes 40 µs after camera 1.
+    let bench = Bench::with_changes(&[("rate_hz = 25.0", "rate_hz = 25.0\nmax_skew_us = 39.0")]);
+    let recording = bench.path("scan.mcap");
+    let run = bench.run(&[&"--seconds", &"2", &"--record", &recording]);
+    run.assert_undisturbed();
+    let pairing = run.stage("pairing");
+    assert!(pairing.dropped(DropReason::Skewed) > 0 && pairing.passed == 0, "{run:?}");
+    let told = "camera 2 exposes 0.040 ms after camera 1, more than cameras.max_skew_us allows (0.039 ms)";
+    assert_eq!(run.log.matches(told).count(), 1, "{run:?}");
+    let replayed = bench.replay(&[&"replay", &recording, &"--rate", &"max"]);
+    replayed.assert_balanced();
+    let pairing = replayed.stage("pairing");
+    assert!(pairing.dropped(DropReason::Skewed) > 0 && pairing.passed == 0, "{replayed:?}");
+}
+
+#[test]
 fn faults_without_gaps_in_the_numbering_are_detected_in_the_images() {
     let slow = "poses = 240\ntremor_mm = 0.0\ntremor_deg = 0.0";
     let faults = "hidden_lost = 0.02\nhidden_duplicated = 0.03\nhidden_swapped = 0.03";

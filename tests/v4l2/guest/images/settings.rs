@@ -5,6 +5,9 @@ use crate::guest::driver::v4l2_ctl;
 use crate::guest::vivid;
 use crate::support::Bench;
 
+/// What vivid declares, set as in [`vivid::scanner`].
+const STAMPS: &str = "time stamps of the start of the exposure, as the driver declares";
+
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn controls_are_set_before_the_first_image() {
@@ -13,7 +16,9 @@ fn controls_are_set_before_the_first_image() {
         Bench::from_configuration(&vivid::scanner("brightness = 77\nhorizontal_flip = true\nmenu = \"Menu Item 4\""));
     let checked = bench.json(&[0], &[&"run", &"--config", &bench.configuration(), &"--check", &"--json"]);
     let camera = checked["points"].as_array().unwrap().iter().find(|point| point["what"] == "camera 1").unwrap();
-    for part in ["/dev/video0", "320x180 GREY", "50 images a second", "brightness = 77", "menu = 4 (Menu Item 4)"] {
+    for part in
+        ["/dev/video0", "320x180 GREY", "50 images a second", "brightness = 77", "menu = 4 (Menu Item 4)", STAMPS]
+    {
         assert!(camera["found"].as_str().unwrap().contains(part), "{part:?} is missing in {camera}");
     }
     v4l2_ctl(vivid::DEVICE, &["--set-ctrl", "brightness=1,horizontal_flip=0,menu=1"]);
@@ -40,6 +45,12 @@ fn unsupported_settings_are_refused() {
         &["camera 1", "brightness = 300", "from 0 to 255, default 128"],
     );
     assert_refused(&vivid::scanner("brightnes = 3"), &["brightnes", "no such control", "brightness"]);
+    let units = vivid::scanner("").replace(
+        "[cameras.cam1.controls]",
+        "extension_units = [{ unit = 3, selector = 2, bytes = \"01 00\" }]\n[cameras.cam1.controls]",
+    );
+    let says = ["camera 1", "extension unit 3, selector 2", "the driver is vivid", "uvcvideo"];
+    assert_refused(&units, &says);
     assert_refused(&vivid::scanner("read_only_integer_32_bits = 3"), &["read_only_integer_32_bits", "is read-only"]);
     let format = vivid::scanner("").replace("\n[cameras.cam1]", "\nformat = \"Y14\"\n[cameras.cam1]");
     assert_refused(&format, &["Y14", "GREY", "Y16"]);
@@ -57,7 +68,7 @@ fn cameras_are_listed_with_their_formats_and_controls() {
     let places: Vec<&str> = cameras.iter().map(|camera| camera["bus_info"].as_str().unwrap()).collect();
     assert_eq!(places, ["platform:vivid-000", "platform:vivid-001"]);
     let text = bench.execute(&[0], &[&"cameras", &"bus:platform:vivid-001"]);
-    for part in ["/dev/video1", "vivid", "GREY", "Y10", "Y16", "NV12", "brightness", "0 to 255"] {
+    for part in ["/dev/video1", "vivid", "GREY", "Y10", "Y16", "NV12", "brightness", "0 to 255", "time stamps of the"] {
         assert!(text.contains(part), "{part:?} is missing in {text}");
     }
 }

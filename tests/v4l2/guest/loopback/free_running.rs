@@ -10,8 +10,7 @@ use crate::guest::scanner::configuration;
 use crate::scenes;
 use crate::support::Bench;
 
-use super::ticking::TickingWriter;
-use super::{BUFFERS, DEVICES};
+use super::{BUFFERS, DEVICES, TickingWriter};
 
 /// Images per second of camera 1. Camera 2 is slower by one per cent: they meet every 100 images.
 const RATE_HZ: f64 = 10.0;

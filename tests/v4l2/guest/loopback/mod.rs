@@ -6,6 +6,7 @@ mod free_running;
 mod jpeg;
 mod pipeline;
 mod silence;
+mod stereo;
 mod ticking;
 mod writer;
 
@@ -17,19 +18,20 @@ use crate::scenes::{self, Scene};
 
 pub(crate) use cost::SIZE as SIZE_OF_CAMERAS;
 pub(crate) use jpeg::SIZE as SIZE_OF_JPEG;
+pub(super) use ticking::TickingWriter;
 
 /// The devices of both cameras.
-const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
+pub(super) const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];
 /// Buffers of a device, for driver and reader. If the reader had fewer, the driver would overwrite images that are
 /// being read.
-const BUFFERS: usize = 16;
+pub(super) const BUFFERS: usize = 16;
 /// Nominal images per second. An image that is half a period early or late breaks its window.
 const RATE_HZ: f64 = 1.0;
 /// Time from image to image: shorter than nominal, so a pause of this machine rarely makes one late.
 const PERIOD: Duration = Duration::from_millis(600);
 
 /// Loads the driver.
-fn load() -> Driver {
+pub(super) fn load() -> Driver {
     Driver::load("v4l2loopback", &["devices=2", "video_nr=10,11", &format!("max_buffers={BUFFERS}")])
 }
 

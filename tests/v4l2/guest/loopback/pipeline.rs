@@ -71,7 +71,7 @@ fn lose_images(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
 }
 
 /// Shows rounds until a window of each scene has become a cloud. A pause of this machine breaks a window.
-fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
+pub(super) fn scan(bench: &Bench, live: &Live<'_>, feeder: &mut Feeder) {
     wait_for_images(bench, feeder.shown());
     // Continue to the end of a window.
     while !feeder.shown().is_multiple_of(STEPS) {
@@ -129,7 +129,7 @@ fn settled_clouds(bench: &Bench, live: &Live<'_>) -> u64 {
 }
 
 /// Asserts that every recorded image is the one that was shown.
-fn assert_images(recorded: &Recording, feeder: &Feeder) {
+pub(super) fn assert_images(recorded: &Recording, feeder: &Feeder) {
     for message in recorded.messages() {
         if let Content::Frame(header, pixels) = message.unwrap().content {
             assert!(*pixels == *feeder.image(header.camera, header.sequence), "image {}", header.sequence);
@@ -144,7 +144,7 @@ fn count_missing(published: impl Iterator<Item = u64>) -> u64 {
 }
 
 /// Asserts that every cloud is that of its scene, and that every scene has one.
-fn assert_clouds(bench: &Bench, recorded: &Recording) {
+pub(super) fn assert_clouds(bench: &Bench, recorded: &Recording) {
     let folder = bench.path("clouds");
     bench.execute(&[0, 3], &[&"export", &bench.path("scan.mcap"), &"-o", &folder]);
     let scenes = scenes::all();
