@@ -406,6 +406,8 @@ fn recorder(raw: &RawRecorder, folder: &Path) -> Result<RecorderConfiguration, C
 
 #[cfg(test)]
 mod tests {
+    use fringeflow_pixels::SourceFormat;
+
     use super::*;
 
     const DEMO: &str = include_str!("../../../configs/demo.toml");
