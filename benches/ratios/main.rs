@@ -26,6 +26,7 @@ mod scaling;
 #[allow(dead_code, reason = "shared with another bench")]
 mod scenes;
 mod sliding;
+mod spans;
 mod table;
 mod workers;
 
@@ -39,7 +40,7 @@ static ALLOCATOR: counting_allocator::CountingAllocator = counting_allocator::Co
 type Measure = fn(&mut Bench, &mut Report);
 
 /// The measurements, by their names on the command line.
-const LINES: [(&str, Measure); 11] = [
+const LINES: [(&str, Measure); 12] = [
     ("decode", decode::measure),
     ("cloud", cloud::measure),
     ("scalar", scalar::measure),
@@ -47,6 +48,7 @@ const LINES: [(&str, Measure); 11] = [
     ("workers", workers::measure),
     ("live", live::measure),
     ("sliding", sliding::measure),
+    ("spans", spans::measure),
     ("recording", recording::measure),
     ("table", table::measure),
     ("allocations", allocations::measure),

@@ -150,7 +150,8 @@ impl ScannerConfiguration {
             ],
         )?;
         let measurement = Configuration::from_raw(&raw)?;
-        let rig = rig_source(&raw, &source, device_images.format().pixel_format(), measurement.volume.as_ref(), folder)?;
+        let rig =
+            rig_source(&raw, &source, device_images.format().pixel_format(), measurement.volume.as_ref(), folder)?;
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement,

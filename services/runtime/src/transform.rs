@@ -7,7 +7,7 @@ use fringeflow_transport::{Channel, Header, Payload, Publisher, Received, Subscr
 
 use crate::clock::now_ns;
 use crate::host::{Host, ItemTimes, MAX_WAIT, ServiceError};
-use crate::{Account, AccountError, receive};
+use crate::{Account, AccountError, WindowSpan, receive};
 
 /// A worker between two channels.
 pub trait Transform {
@@ -146,16 +146,21 @@ impl<T: Transform> Service<'_, T> {
 
     fn process(&mut self, message: Received<T::InHeader, T::InPayload>) -> Result<(), ServiceError> {
         let taken_ns = now_ns();
-        if !self.account.count_arrival(0, T::published(message.header()))? {
+        let number = T::published(message.header());
+        if !self.account.count_arrival(0, number)? {
             return Ok(());
         }
-        let window = self.transform.read(message.header(), message.payload());
+        let span = WindowSpan::new(T::STAGE, number);
+        let window = span.work(|| self.transform.read(message.header(), message.payload()));
         // Before the step: the publisher needs the sample back soon.
         drop(message);
-        let result = window.and_then(|window| self.transform.step().map(|()| window));
+        let result = window.and_then(|window| {
+            span.identify(&window);
+            span.work(|| self.transform.step()).map(|()| window)
+        });
         match result {
-            Err(dropped) => self.drop_item(&dropped)?,
-            Ok(window) => self.send_result(&window, taken_ns)?,
+            Err(dropped) => span.work(|| self.drop_item(&dropped))?,
+            Ok(window) => self.send_result(&window, taken_ns, &span)?,
         }
         Ok(())
     }
@@ -169,19 +174,21 @@ impl<T: Transform> Service<'_, T> {
         Ok(())
     }
 
-    fn send_result(&mut self, window: &Window, taken_ns: u64) -> Result<(), ServiceError> {
+    fn send_result(&mut self, window: &Window, taken_ns: u64, span: &WindowSpan) -> Result<(), ServiceError> {
         if let Some(next) = T::NEXT {
             self.host.wait_until_free(next, &self.account);
         }
         let published = self.account.count_passed()?;
-        // A result that was not sent is missing in the channel, and the next stage counts it.
-        if let Err(error) = self.transform.send(published, &mut self.output) {
-            tracing::warn!("{error}");
-        }
-        // After the result, because the next stage waits for that.
-        if let Err(error) = self.transform.send_reports(published) {
-            tracing::debug!(%error, "a report was not sent");
-        }
+        span.work(|| {
+            // A result that was not sent is missing in the channel, and the next stage counts it.
+            if let Err(error) = self.transform.send(published, &mut self.output) {
+                tracing::warn!("{error}");
+            }
+            // After the result, because the next stage waits for that.
+            if let Err(error) = self.transform.send_reports(published) {
+                tracing::debug!(%error, "a report was not sent");
+            }
+        });
         self.last_reason = None;
         let (exposure_start_ns, received_ns) = (window.last_exposure_ns, window.received_ns);
         let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: now_ns() };

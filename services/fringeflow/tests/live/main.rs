@@ -22,6 +22,7 @@ mod recorded_run;
 mod refused;
 mod reports;
 mod rigs;
+mod spans;
 mod stopped_services;
 mod support;
 mod tracking;

@@ -15,7 +15,9 @@ pub(super) struct EventContent {
     /// Text form: the message, then the fields.
     pub(super) text: String,
     message: String,
-    fields: Map<String, Value>,
+    pub(super) fields: Map<String, Value>,
+    /// Name and fields of the innermost span, then those of the spans around it that have other names.
+    span: Map<String, Value>,
 }
 
 /// The other parts of a line.
@@ -40,9 +42,25 @@ impl EventContent {
         }
     }
 
+    /// Adds the fields of a span in which the event happened, as [`SpanFields`](super::span_fields::SpanFields) keeps
+    /// them. Spans are added from the innermost one.
+    pub(super) fn add_span(&mut self, name: &str, fields: &str) {
+        let objects = serde_json::Deserializer::from_str(fields).into_iter::<Map<String, Value>>();
+        let fields = objects.flatten().flatten();
+        for (key, value) in std::iter::once(("name".to_owned(), Value::from(name))).chain(fields) {
+            self.span.entry(key).or_insert(value);
+        }
+    }
+
     /// Writes the line as text.
     pub(super) fn write_text(&self, out: &mut impl Write, context: &LineContext<'_>) -> fmt::Result {
         write!(out, "{} {:>5} {}", context.time, context.level, self.text.trim_start())?;
+        for (key, value) in &self.span {
+            match value {
+                Value::String(name) if key == "name" => write!(out, " span={}", Escaped(name))?,
+                value => write!(out, " {key}={value}")?,
+            }
+        }
         if context.left_out > 0 {
             write!(out, " ({} repeats left out)", context.left_out)?;
         }
@@ -57,6 +75,9 @@ impl EventContent {
         line.insert("process".to_owned(), context.process.into());
         line.insert(MESSAGE.to_owned(), self.message.into());
         line.insert("fields".to_owned(), self.fields.into());
+        if !self.span.is_empty() {
+            line.insert("span".to_owned(), self.span.into());
+        }
         if context.left_out > 0 {
             line.insert("repeated".to_owned(), context.left_out.into());
         }

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
-use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, FormattedFields};
 use tracing_subscriber::registry::LookupSpan;
 
 use super::event_content::{EventContent, LineContext};
@@ -31,8 +31,8 @@ impl LineFormatter {
 
     /// Returns how often an event was left out since its previous line, or `None` if it is left out now.
     fn admit(&self, event: &Event<'_>, content: &EventContent) -> Option<u64> {
-        // Each trace event is about another item; so many would displace all others in the filter.
-        if *event.metadata().level() == Level::TRACE {
+        // Each trace event and each span is about another item; so many would displace all others in the filter.
+        if *event.metadata().level() == Level::TRACE || event.metadata().is_span() {
             return Some(0);
         }
         let mut hash = DefaultHasher::new();
@@ -48,17 +48,22 @@ where
     S: Subscriber + for<'a> LookupSpan<'a>,
     N: for<'a> FormatFields<'a> + 'static,
 {
-    fn format_event(&self, _: &FmtContext<'_, S, N>, mut out: Writer<'_>, event: &Event<'_>) -> fmt::Result {
+    fn format_event(&self, context: &FmtContext<'_, S, N>, mut out: Writer<'_>, event: &Event<'_>) -> fmt::Result {
         let mut content = EventContent::default();
         event.record(&mut content);
         let Some(left_out) = self.admit(event, &content) else { return Ok(()) };
+        for span in context.event_scope().into_iter().flatten() {
+            if let Some(fields) = span.extensions().get::<FormattedFields<N>>() {
+                content.add_span(span.name(), &fields.fields);
+            }
+        }
         let mut time = String::new();
         SystemTime.format_time(&mut Writer::new(&mut time))?;
         let (level, process) = (*event.metadata().level(), self.process);
-        let context = LineContext { time: &time, level, process, left_out };
+        let line = LineContext { time: &time, level, process, left_out };
         match self.format {
-            LogFormat::Text => content.write_text(&mut out, &context),
-            LogFormat::Json => content.write_json(&mut out, &context),
+            LogFormat::Text => content.write_text(&mut out, &line),
+            LogFormat::Json => content.write_json(&mut out, &line),
         }
     }
 }
@@ -71,7 +76,10 @@ mod tests {
 
     use serde_json::Value;
 
+    use tracing_subscriber::fmt::format::FmtSpan;
+
     use super::*;
+    use crate::log::span_fields::SpanFields;
 
     const SECOND_NS: u64 = 1_000_000_000;
 
@@ -98,6 +106,7 @@ mod tests {
         let writer = written.clone();
         let formatter = LineFormatter { now_ns: || NOW_NS.get(), ..LineFormatter::new(format, "phase") };
         let subscriber = tracing_subscriber::fmt().with_max_level(Level::TRACE).with_writer(move || writer.clone());
+        let subscriber = subscriber.fmt_fields(SpanFields).with_span_events(FmtSpan::CLOSE);
         tracing::subscriber::with_default(subscriber.event_format(formatter).finish(), events);
         let text = String::from_utf8(written.0.lock().unwrap().clone()).unwrap();
         let without_time = |line: &str| match format {
@@ -156,6 +165,32 @@ mod tests {
         let numbers =
             written.iter().filter_map(|line| serde_json::from_str::<Value>(line).unwrap()["repeated"].as_u64());
         assert_eq!(numbers.collect::<Vec<_>>(), [9]);
+    }
+
+    #[test]
+    fn a_line_within_a_span_has_its_fields_and_the_end_of_the_span_its_times() {
+        NOW_NS.set(0);
+        let spans = || {
+            for window in [7_u64, 8] {
+                let span = tracing::debug_span!("window", stage = "phase", window, session = tracing::field::Empty);
+                span.record("session", 3);
+                span.in_scope(|| tracing::warn!("no image"));
+            }
+        };
+        let written = lines(LogFormat::Json, spans);
+        let written: Vec<Value> = written.iter().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let messages: Vec<&str> = written.iter().filter_map(|line| line["message"].as_str()).collect();
+        // The second warning repeats the first.
+        assert_eq!(messages, ["no image", "close", "close"]);
+        for (line, window) in written.iter().zip([7, 7, 8]) {
+            let span = serde_json::json!({"name": "window", "stage": "phase", "window": window, "session": 3});
+            assert_eq!(line["span"], span);
+        }
+        assert!(written[1]["fields"]["time.busy"].is_string() && written[1]["fields"]["time.idle"].is_string());
+        let written = lines(LogFormat::Text, spans);
+        assert_eq!(written[0], " WARN no image span=window session=3 stage=\"phase\" window=7");
+        assert!(written[1].starts_with("DEBUG close time.busy="), "{}", written[1]);
+        assert!(written[2].ends_with(" span=window session=3 stage=\"phase\" window=8"), "{}", written[2]);
     }
 
     #[test]

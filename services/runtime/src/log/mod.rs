@@ -4,18 +4,23 @@
 //! ends. `debug`: details for finding a fault. `trace`: each item of each stage. `FRINGEFLOW_LOG` sets the level, as in
 //! `FRINGEFLOW_LOG=debug`. An event that repeats within ten seconds is left out, and its next line states how often.
 //! Events of level `trace` are never left out.
+//!
+//! When a span ends, a line tells how long it was busy and idle. A line within a span has the fields of the span.
 
 mod event_content;
 mod format;
 mod formatter;
 mod output;
 mod repeats;
+mod span_fields;
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::FmtSpan;
 
 use formatter::LineFormatter;
 use output::Output;
+use span_fields::SpanFields;
 
 pub use format::LogFormat;
 pub use output::{Redirection, forward_line, redirect};
@@ -34,6 +39,7 @@ pub fn start(process: &'static str, format: Option<LogFormat>) {
     let filter =
         EnvFilter::try_from_env(LEVEL_VARIABLE).unwrap_or_else(|_| EnvFilter::new("info,iceoryx2=error,foxglove=warn"));
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_writer(|| Output);
+    let subscriber = subscriber.fmt_fields(SpanFields).with_span_events(FmtSpan::CLOSE);
     // A log that cannot be written must not end the process, as reporting that on standard error would.
     let subscriber = subscriber.log_internal_errors(false).event_format(LineFormatter::new(format, process));
     // Only the first call in a process takes effect.

@@ -11,7 +11,7 @@ use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
 use fringeflow_message::synchronization::WindowImages;
 use fringeflow_message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow_runtime::{
-    Account, AccountError, Host, ItemTimes, MAX_WAIT, POLL_INTERVAL, ServiceArgs, ServiceError, clock,
+    Account, AccountError, Host, ItemTimes, MAX_WAIT, POLL_INTERVAL, ServiceArgs, ServiceError, WindowSpan, clock,
 };
 use fringeflow_transport::{PHASE_MAPS, Publisher};
 use fringeflow_wire as wire;
@@ -65,8 +65,15 @@ struct Decoding {
     worker: PhaseWorker,
     maps: PhasePair,
     priors: PriorInput,
-    /// The newest window if it is not decoded yet, and when it was taken.
-    newest: Option<(WindowImages<Image>, u64)>,
+    /// The newest window if it is not decoded yet.
+    newest: Option<WaitingWindow>,
+}
+
+/// A window that is not decoded yet.
+struct WaitingWindow {
+    images: WindowImages<Image>,
+    taken_ns: u64,
+    span: WindowSpan,
 }
 
 impl Decoding {
@@ -94,7 +101,9 @@ impl Decoding {
     /// lost.
     fn add(&mut self, host: &mut Host, number: u64, images: WindowImages<Image>) -> Result<(), ServiceError> {
         self.account.count_arrival(0, number)?;
-        if self.newest.replace((images, clock::now_ns())).is_some() {
+        let span = WindowSpan::new(Stage::Phase, number);
+        span.identify(&images.window);
+        if self.newest.replace(WaitingWindow { images, taken_ns: clock::now_ns(), span }).is_some() {
             self.account.drop_one(DropReason::NextStageBusy)?;
         }
         if host.configuration.wait_when_busy {
@@ -115,7 +124,11 @@ impl Decoding {
         if !host.is_free(Stage::Correspondence, &self.account) {
             return Ok(());
         }
-        let Some((mut images, taken_ns)) = self.newest.take() else { return Ok(()) };
+        let Some(WaitingWindow { images, taken_ns, span }) = self.newest.take() else { return Ok(()) };
+        span.work(|| self.decode(images, taken_ns, host))
+    }
+
+    fn decode(&mut self, mut images: WindowImages<Image>, taken_ns: u64, host: &mut Host) -> Result<(), ServiceError> {
         let prior = self.priors.for_window(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());

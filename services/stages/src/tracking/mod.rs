@@ -8,7 +8,7 @@ mod model_publisher;
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
 use fringeflow_runtime::{
-    Account, Host, ItemTimes, MAX_WAIT, ServiceArgs, ServiceError, clock, receive, sent_messages,
+    Account, Host, ItemTimes, MAX_WAIT, ServiceArgs, ServiceError, WindowSpan, clock, receive, sent_messages,
 };
 use fringeflow_tracking::fusion::Tracker;
 use fringeflow_tracking::messages::pose_report;
@@ -38,7 +38,12 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         let is_last = host.stop.is_requested();
         let newest = stage.receive_newest(&mut clouds)?;
         let is_idle = newest.is_none();
-        newest.map_or(Ok(()), |cloud| stage.track(cloud, &mut host))?;
+        if let Some(cloud) = newest {
+            let header = cloud.header();
+            let span = WindowSpan::new(Stage::Tracking, header.published);
+            span.identify(&header.window);
+            span.work(|| stage.track(cloud, &mut host))?;
+        }
         if is_last {
             break;
         }
