@@ -8,17 +8,18 @@ use fringeflow_simd::Level;
 
 use crate::failure::Failure;
 
-/// Options that every subcommand takes.
+/// Options of several subcommands.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Globals {
-    /// Number of worker threads. The default is one per core. The results do not depend on it.
+    /// Number of worker threads of the commands that compute. The default is one per core. The results do not depend
+    /// on it.
     #[arg(long, global = true, value_name = "N", help_heading = HEADING)]
     threads: Option<usize>,
     /// Highest instruction set for the kernels. The default is the best of this machine. The results do not depend on
     /// it.
     #[arg(long, global = true, value_name = "LEVEL", value_parser = level(), help_heading = HEADING)]
     simd: Option<Level>,
-    /// Format of log lines. The default is the environment variable FRINGEFLOW_LOG_FORMAT, else text.
+    /// Format of log lines of run, demo, replay and service. The default is the environment variable FRINGEFLOW_LOG_FORMAT, else text.
     #[arg(long, global = true, value_name = "FORMAT", help_heading = HEADING)]
     log_format: Option<LogFormat>,
 }

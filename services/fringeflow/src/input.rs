@@ -47,6 +47,19 @@ impl Input {
         }
     }
 
+    /// Checks the unit of --units against the unit that the input states.
+    ///
+    /// # Errors
+    /// They contradict each other.
+    pub(crate) fn check_unit(&self, unit: Option<Unit>) -> Result<(), Failure> {
+        let (stated, Some(given)) = (self.setup().unit, unit) else { return Ok(()) };
+        if stated == given {
+            return Ok(());
+        }
+        let (stated, given) = (stated.symbol(), given.symbol());
+        Err(self.unusable(&format!("--units {given} contradicts the unit {stated} that it states; leave --units out")))
+    }
+
     /// The default settings: those of the recording, or the built-in ones for a folder.
     pub(crate) fn configuration(&self) -> Result<Configuration, Failure> {
         match self {

@@ -1,5 +1,6 @@
 //! The `fringeflow` command: reads arguments, calls the library, maps the outcome to an exit code.
 
+mod acting_options;
 mod commands;
 mod failure;
 mod globals;
@@ -16,8 +17,10 @@ mod statistics;
 mod truth;
 mod values;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser};
 
 use commands::Command;
@@ -40,10 +43,35 @@ struct Cli {
     command: Command,
 }
 
+impl Cli {
+    /// The description of the command line for the parser.
+    fn description() -> clap::Command {
+        globals::hide_in_subcommands(Self::command())
+    }
+
+    /// Parses a command line.
+    ///
+    /// # Errors
+    /// It is invalid, or has an option that would be ignored.
+    fn parse_checked(
+        command: &mut clap::Command,
+        arguments: impl IntoIterator<Item = OsString>,
+    ) -> Result<Self, clap::Error> {
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let cli = Self::from_arg_matches(&matches).map_err(|error| error.format(command))?;
+        if let Some((name, matches)) = matches.subcommand()
+            && let Some(command) = command.find_subcommand_mut(name)
+        {
+            let checked = cli.command.check_options(command, matches);
+            checked.map_err(|ignored| command.error(ErrorKind::ArgumentConflict, ignored))?;
+        }
+        Ok(cli)
+    }
+}
+
 fn main() -> ExitCode {
-    let mut command = globals::hide_in_subcommands(Cli::command());
-    let matches = command.get_matches_mut();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit());
+    let parsed = Cli::parse_checked(&mut Cli::description(), std::env::args_os());
+    let cli = parsed.unwrap_or_else(|error| error.exit());
     match cli.globals.set_up_kernels().and_then(|()| cli.command.run(&cli.globals)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => failure.report(),

@@ -23,7 +23,7 @@ use crate::values::one_of;
 #[derive(clap::Args, Default)]
 pub(crate) struct ProposedArgs {
     /// Use N of the phase images, evenly spaced. The default is all.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with = "extra_images")]
     steps: Option<usize>,
     /// Use phase images A to B, without B; for a recording, image pairs. More images than a cycle compensate motion.
     /// The default is the first complete cycle, or with known motion the cycle around the time of the truth, and the
@@ -33,6 +33,10 @@ pub(crate) struct ProposedArgs {
     #[command(flatten)]
     measuring: MeasuringArgs,
 }
+
+/// Identifiers of these arguments.
+pub(crate) const PROPOSED_OPTIONS: &[&str] =
+    &["steps", "frames", "extra_images", "config", "no_prior", "resolution", "min_confidence", "segment_table"];
 
 /// Number of windows before the requested one from which its prior is computed. Two clouds give a motion of the
 /// scanner; further clouds reduce its noise.
@@ -233,6 +237,12 @@ impl MeasuringArgs {
             configuration.settings.matching.delta_sd_rad = self.known_sd_rad;
         }
         if let Some(min_confidence) = self.min_confidence {
+            if configuration.settings.matching.method == ResolutionMethod::Paper {
+                return Err(Failure::Usage(format!(
+                    "--min-confidence {min_confidence} has no effect with the resolution paper, which states no \
+                     confidence: leave it out, or use --resolution semi-global"
+                )));
+            }
             configuration.settings.matching.min_confidence = min_confidence;
         }
         if let Some(extra) = self.extra_images {

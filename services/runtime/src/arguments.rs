@@ -7,6 +7,7 @@ use fringeflow_config::{ConfigurationError, ScannerConfiguration, SetupTextError
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
 use fringeflow_lab::simulation::{read_configuration, setup_text};
 
+use crate::ServiceKind;
 use crate::processors::{self, AffinityError, ResourceGrants};
 
 /// Arguments that every service takes.
@@ -19,7 +20,7 @@ pub struct ServiceArgs {
     #[arg(long, value_name = "FOLDER")]
     pub setup: Option<PathBuf>,
     /// File of the segment table, instead of the one in the configuration. It is read if it exists, else computed and
-    /// written.
+    /// written. The services correspondence and cloud use it.
     #[arg(long, value_name = "FILE")]
     pub segment_table: Option<PathBuf>,
     /// Number of restarts of the service in this instance.
@@ -89,11 +90,12 @@ pub enum ArgumentError {
 }
 
 impl ServiceArgs {
-    /// Returns the arguments of a command line, without those that a supervisor adds.
+    /// Returns the arguments of the command line of a service, without those that a supervisor adds.
     #[must_use]
-    pub fn to_command_line(&self) -> Vec<String> {
-        let named = [("--config", Some(&self.config)), ("--setup", self.setup.as_ref())];
-        let named = named.into_iter().chain([("--segment-table", self.segment_table.as_ref())]);
+    pub fn to_command_line(&self, service: ServiceKind) -> Vec<String> {
+        let table = self.segment_table.as_ref().filter(|_| service.reads_segment_table());
+        let named = [("--config", Some(&self.config)), ("--setup", self.setup.as_ref()), ("--segment-table", table)]
+            .into_iter();
         let given = named.filter_map(|(name, path)| Some([name.to_owned(), path?.to_string_lossy().into_owned()]));
         given.flatten().collect()
     }

@@ -64,6 +64,12 @@ impl ServiceKind {
         }
     }
 
+    /// Returns whether the service uses the segment table.
+    #[must_use]
+    pub fn reads_segment_table(self) -> bool {
+        matches!(self, Self::Correspondence | Self::Cloud)
+    }
+
     /// Returns the stages whose accounts the service keeps, in the order of the pipeline.
     #[must_use]
     pub fn stages(self) -> &'static [Stage] {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
 use fringeflow_recording::Origin;
-use fringeflow_runtime::{AccountError, ServiceKind};
+use fringeflow_runtime::{AccountError, ServiceArgs, ServiceKind};
 use fringeflow_telemetry::RunReport;
 use fringeflow_transport::TransportError;
 
@@ -25,8 +25,8 @@ pub struct Plan {
     pub program: PathBuf,
     /// Arguments before `service NAME`.
     pub global_arguments: Vec<String>,
-    /// Arguments of every service, after its name.
-    pub service_arguments: Vec<String>,
+    /// Arguments of the services.
+    pub arguments: ServiceArgs,
     /// How long to scan, from the time all services are ready; `None` scans until the instance is stopped.
     pub duration_ns: Option<u64>,
     /// File of the recording that starts with the scan. If it is empty, the file gets a default name. `None` does not

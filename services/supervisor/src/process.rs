@@ -11,7 +11,7 @@ use fringeflow_runtime::log;
 /// Longer lines of a log are split, bytes.
 const MAX_LINE_BYTES: u64 = 1 << 16;
 
-/// Command line of the services.
+/// Command line of a service.
 #[derive(Clone, Debug)]
 pub(crate) struct Launch {
     /// The `fringeflow` executable.

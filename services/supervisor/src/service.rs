@@ -19,6 +19,7 @@ const EXIT_WRONG_USAGE: i32 = 2;
 pub(crate) struct Service {
     pub(crate) name: &'static str,
     pub(crate) restarts: u32,
+    launch: Launch,
     state: State,
     /// Delay before the next restart.
     restart_delay_ns: u64,
@@ -50,13 +51,13 @@ pub(crate) enum ServiceEvent {
 }
 
 impl Service {
-    pub(crate) fn start(name: &'static str, launch: &Launch, now_ns: u64) -> io::Result<Self> {
-        let state = State::Running(Process::spawn(name, launch, 0)?);
-        Ok(Self { name, restarts: 0, state, restart_delay_ns: MIN_RESTART_DELAY_NS, started_ns: now_ns })
+    pub(crate) fn start(name: &'static str, launch: Launch, now_ns: u64) -> io::Result<Self> {
+        let state = State::Running(Process::spawn(name, &launch, 0)?);
+        Ok(Self { name, restarts: 0, launch, state, restart_delay_ns: MIN_RESTART_DELAY_NS, started_ns: now_ns })
     }
 
     /// Notices the death of the service, and restarts it once the delay is over.
-    pub(crate) fn poll(&mut self, launch: &Launch, now_ns: u64) -> io::Result<Option<ServiceEvent>> {
+    pub(crate) fn poll(&mut self, now_ns: u64) -> io::Result<Option<ServiceEvent>> {
         match &mut self.state {
             State::Running(process) => match process.try_wait()? {
                 Some(status) => Ok(Some(self.handle_death(status, now_ns))),
@@ -64,7 +65,7 @@ impl Service {
             },
             State::WaitingToRestart { restart_ns, .. } if now_ns >= *restart_ns => {
                 self.restarts += 1;
-                self.state = State::Running(Process::spawn(self.name, launch, self.restarts)?);
+                self.state = State::Running(Process::spawn(self.name, &self.launch, self.restarts)?);
                 self.started_ns = now_ns;
                 Ok(Some(ServiceEvent::Restarted))
             }
@@ -143,9 +144,9 @@ mod tests {
         Launch { program: "/bin/sh".into(), global_arguments, service_arguments: Vec::new(), relays_log: false }
     }
 
-    fn wait_for_event(service: &mut Service, launch: &Launch, now_ns: u64) -> ServiceEvent {
+    fn wait_for_event(service: &mut Service, now_ns: u64) -> ServiceEvent {
         loop {
-            if let Some(event) = service.poll(launch, now_ns).unwrap() {
+            if let Some(event) = service.poll(now_ns).unwrap() {
                 return event;
             }
             std::thread::sleep(std::time::Duration::from_millis(5));
@@ -155,16 +156,16 @@ mod tests {
     #[test]
     fn a_service_that_dies_is_restarted_after_growing_delays() {
         let launch = launch("exit 1");
-        let mut service = Service::start("phase", &launch, 0).unwrap();
+        let mut service = Service::start("phase", launch, 0).unwrap();
         let mut now_ns = 0;
         let delays_ms: Vec<u64> = (0..8)
             .map(|_| {
-                let event = wait_for_event(&mut service, &launch, now_ns);
+                let event = wait_for_event(&mut service, now_ns);
                 let ServiceEvent::Died { delay_ns, exit } = event else { panic!() };
                 assert_eq!(exit, "exit code 1");
-                assert_eq!(service.poll(&launch, now_ns + delay_ns - 1).unwrap(), None);
+                assert_eq!(service.poll(now_ns + delay_ns - 1).unwrap(), None);
                 now_ns += delay_ns;
-                assert_eq!(service.poll(&launch, now_ns).unwrap(), Some(ServiceEvent::Restarted));
+                assert_eq!(service.poll(now_ns).unwrap(), Some(ServiceEvent::Restarted));
                 delay_ns / 1_000_000
             })
             .collect();
@@ -175,26 +176,26 @@ mod tests {
     #[test]
     fn a_service_that_exits_with_code_2_is_not_restarted() {
         let launch = launch("exit 2");
-        let mut service = Service::start("phase", &launch, 0).unwrap();
-        let event = wait_for_event(&mut service, &launch, 0);
+        let mut service = Service::start("phase", launch, 0).unwrap();
+        let event = wait_for_event(&mut service, 0);
         assert_eq!(event, ServiceEvent::CannotRun { exit: "exit code 2".to_owned() });
-        assert_eq!(service.poll(&launch, u64::MAX).unwrap(), None);
+        assert_eq!(service.poll(u64::MAX).unwrap(), None);
     }
 
     #[test]
     fn a_service_that_is_dead_at_the_stop_counts_as_failed() {
         let launch = launch("exit 1");
-        let mut service = Service::start("phase", &launch, 0).unwrap();
-        wait_for_event(&mut service, &launch, 0);
+        let mut service = Service::start("phase", launch, 0).unwrap();
+        wait_for_event(&mut service, 0);
         service.ask_to_stop();
         assert_eq!(service.poll_stopped().unwrap(), Some(Some("exit code 1".to_owned())));
-        assert_eq!(service.poll(&launch, u64::MAX).unwrap(), None);
+        assert_eq!(service.poll(u64::MAX).unwrap(), None);
     }
 
     #[test]
     fn closing_the_standard_input_stops_a_service() {
         let launch = launch("read line; exit 0");
-        let mut service = Service::start("phase", &launch, 0).unwrap();
+        let mut service = Service::start("phase", launch, 0).unwrap();
         assert_eq!(service.poll_stopped().unwrap(), None);
         service.ask_to_stop();
         loop {

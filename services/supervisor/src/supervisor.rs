@@ -99,7 +99,6 @@ struct Supervisor<'a, 's> {
     instance: &'a Instance,
     /// Folder of the accounts.
     accounts: &'a PathBuf,
-    launch: Launch,
     /// In pipeline order.
     services: Vec<(ServiceKind, Service)>,
     stop: Stop,
@@ -131,17 +130,17 @@ impl<'a, 's> Supervisor<'a, 's> {
         let sizes = channel_sizes(&plan.setup, &plan.configuration);
         let ports = Ports::open(&node, &sizes)?;
         let display = Display::new(source.is_none());
-        let launch = Launch {
+        let relays_log = display.is_terminal();
+        let launch = |kind| Launch {
             program: plan.program.clone(),
             global_arguments: plan.global_arguments.clone(),
-            service_arguments: plan.service_arguments.clone(),
-            relays_log: display.is_terminal(),
+            service_arguments: plan.arguments.to_command_line(kind),
+            relays_log,
         };
         let mut supervisor = Self {
             plan,
             instance,
             accounts,
-            launch,
             services: Vec::new(),
             stop,
             control: Control::new(&plan.configuration),
@@ -159,7 +158,7 @@ impl<'a, 's> Supervisor<'a, 's> {
         }
         // From the end of the pipeline to its start, so that the receivers of a service start before it.
         for &kind in plan.services.iter().rev() {
-            let service = Service::start(kind.name(), &supervisor.launch, clock::now_ns());
+            let service = Service::start(kind.name(), launch(kind), clock::now_ns());
             let service = service.map_err(|source| RunError::Service { service: kind.name(), source })?;
             supervisor.services.insert(0, (kind, service));
         }
@@ -218,7 +217,7 @@ impl<'a, 's> Supervisor<'a, 's> {
     /// Restarts services that died. Fails if a service cannot run.
     fn poll_services(&mut self, now_ns: u64) -> Result<(), RunError> {
         for (_, service) in &mut self.services {
-            let event = service.poll(&self.launch, now_ns);
+            let event = service.poll(now_ns);
             let event = event.map_err(|source| RunError::Service { service: service.name, source })?;
             match event {
                 None => {}

@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use fringeflow_capture::{ListedControl, Listing, OfferedFormat, cameras, describe, rates_text};
 use fringeflow_config::DeviceName;
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::json;
 
@@ -22,6 +23,9 @@ pub(crate) struct Args {
 struct Listings {
     cameras: Vec<Listing>,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["device", "json"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

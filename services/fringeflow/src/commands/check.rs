@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use fringeflow_recording::{Check, Recording};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::{json, progress};
 
@@ -17,6 +18,9 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["input", "json"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

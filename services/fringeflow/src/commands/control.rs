@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use fringeflow_message::{Command, ControlRequest, ControlResponse, Text};
 use fringeflow_transport::{Instance, request};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 
 use super::status_list::RESPONSE_TIMEOUT;
@@ -41,6 +42,9 @@ enum Action {
     /// End the instance.
     Quit,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["instance", "file", "text"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

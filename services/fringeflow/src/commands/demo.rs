@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use fringeflow_base::atomic_file::{WriteError, WriteProblem, write_new};
 use fringeflow_runtime::ServiceArgs;
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::globals::Globals;
 use crate::output_folder;
@@ -27,6 +28,20 @@ pub(crate) struct Args {
     #[command(flatten)]
     scan: ScanArgs,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&[
+    "output",
+    "seconds",
+    "record",
+    "report",
+    "no_report",
+    "trace",
+    "json",
+    "threads",
+    "simd",
+    "log_format",
+]);
 
 impl Args {
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {

@@ -9,6 +9,7 @@ use fringeflow::cloud::{CloudExport, CloudFormat};
 use fringeflow_dataset::check_new;
 use fringeflow_recording::{Recording, Topic, export_images};
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::proposed::parse_range;
 use crate::values::unit;
@@ -23,19 +24,19 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE|FOLDER")]
     output: PathBuf,
     /// With a file: number of the cloud to export, counted from 0.
-    #[arg(long, value_name = "K", default_value_t = 0, conflicts_with_all = ["clouds", "images"])]
+    #[arg(long, value_name = "K", default_value_t = 0)]
     cloud: usize,
     /// With a folder: export clouds A to B, without B. The default is all.
-    #[arg(long, value_name = "A..B", value_parser = parse_range, conflicts_with = "images")]
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
     clouds: Option<Range<usize>>,
-    /// Format of the clouds in the folder.
+    /// With a folder: format of the clouds.
     #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["ply", "pcd", "npz"])]
     format: String,
     /// Write the images as a dataset folder. This is the inverse of `import`.
     #[arg(long)]
     images: bool,
     /// With --images: export image pairs A to B, without B. The default is all.
-    #[arg(long, value_name = "A..B", value_parser = parse_range, requires = "images")]
+    #[arg(long, value_name = "A..B", value_parser = parse_range)]
     frames: Option<Range<usize>>,
     /// Unit of the clouds.
     #[arg(long, value_name = "UNIT", default_value = "mm", value_parser = unit())]
@@ -53,12 +54,30 @@ struct Report<'a> {
     image_pairs: usize,
 }
 
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["input", "output", "json"],
+    choices: &[&[
+        Mode { name: "with --images", is_chosen: |args| args.images, options: &["images", "frames"] },
+        Mode {
+            name: "with an output file and without --clouds",
+            is_chosen: Args::writes_one_cloud,
+            options: &["cloud", "units"],
+        },
+        Mode {
+            name: "with --clouds or an output folder",
+            is_chosen: |_| true,
+            options: &["clouds", "format", "units"],
+        },
+    ]],
+};
+
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let (mut clouds, mut points, mut image_pairs) = (0, 0, 0);
         if self.images {
             image_pairs = self.export_images()?;
-        } else if self.clouds.is_none() && self.output.extension().is_some() {
+        } else if self.writes_one_cloud() {
             CloudFormat::from_path(&self.output)?;
             let recording = Recording::open(&self.input)?;
             points = self.write_cloud(&recording, self.cloud, &self.output)?;
@@ -80,6 +99,11 @@ impl Args {
             return Ok(writeln!(out, "{to}: {image_pairs} image pairs")?);
         }
         Ok(writeln!(out, "{to}: {clouds} clouds, {points} points")?)
+    }
+
+    /// Whether the output is a file with one cloud.
+    fn writes_one_cloud(&self) -> bool {
+        self.clouds.is_none() && self.output.extension().is_some()
     }
 
     fn cloud_range(&self, recording: &Recording) -> Result<Range<usize>, Failure> {

@@ -9,6 +9,7 @@ use fringeflow_config::{Configuration, ConfigurationError, ConfigurationProblem}
 use fringeflow_dataset::Dataset;
 use fringeflow_recording::{ImportOptions, import};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::{json, progress};
 
@@ -38,6 +39,9 @@ struct Report<'a> {
     image_pairs: usize,
     messages: u64,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["input", "output", "rate", "config", "json"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

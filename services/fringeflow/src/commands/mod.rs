@@ -86,6 +86,33 @@ pub(crate) enum Command {
 }
 
 impl Command {
+    /// Checks that all given options act.
+    ///
+    /// # Errors
+    /// Names an option that would be ignored, and tells why and when it acts.
+    pub(crate) fn check_options(&self, command: &clap::Command, matches: &clap::ArgMatches) -> Result<(), String> {
+        match self {
+            Self::Cameras(args) => cameras::OPTIONS.check(args, command, matches),
+            Self::Control(args) => control::OPTIONS.check(args, command, matches),
+            Self::Check(args) => check::OPTIONS.check(args, command, matches),
+            Self::Demo(args) => demo::OPTIONS.check(args, command, matches),
+            Self::Evaluate(args) => evaluate::OPTIONS.check(args, command, matches),
+            Self::Export(args) => export::OPTIONS.check(args, command, matches),
+            Self::Fuse(args) => fuse::OPTIONS.check(args, command, matches),
+            Self::Import(args) => import::OPTIONS.check(args, command, matches),
+            Self::Info(args) => info::OPTIONS.check(args, command, matches),
+            Self::Latency(args) => latency::OPTIONS.check(args, command, matches),
+            Self::Reconstruct(args) => reconstruct::OPTIONS.check(args, command, matches),
+            Self::Recover(args) => recover::OPTIONS.check(args, command, matches),
+            Self::Replay(args) => replay::OPTIONS.check(args, command, matches),
+            Self::Rig(args) => rig::OPTIONS.check(args, command, matches),
+            Self::Run(args) => run::OPTIONS.check(args, command, matches),
+            Self::Service(args) => service::OPTIONS.check(args, command, matches),
+            Self::Status(args) => status::OPTIONS.check(args, command, matches),
+            Self::Simulate(args) => simulate::OPTIONS.check(args, command, matches),
+        }
+    }
+
     /// Runs the subcommand.
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         match self {

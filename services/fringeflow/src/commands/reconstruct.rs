@@ -7,12 +7,13 @@ use fringeflow::calibration::Unit;
 use fringeflow::cloud::{CloudExport, CloudFormat};
 use fringeflow_base::atomic_file::check_writable;
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Method, MethodOutput};
 use crate::output_folder;
 use crate::pictures;
-use crate::proposed::ProposedArgs;
+use crate::proposed::{PROPOSED_OPTIONS, ProposedArgs};
 use crate::statistics::Statistics;
 use crate::values::unit;
 
@@ -49,6 +50,15 @@ struct Report<'a> {
     #[serde(flatten)]
     statistics: Option<&'a Statistics>,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["input", "output", "method", "units", "preview", "json", "threads", "simd"],
+    choices: &[&[
+        Mode { name: "with --method pa", is_chosen: |args| args.method == Method::Pa, options: PROPOSED_OPTIONS },
+        Mode { name: "with --method egc or cgc", is_chosen: |_| true, options: &[] },
+    ]],
+};
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use fringeflow_recording::{Recovered, recover};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::json;
 
@@ -20,6 +21,9 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["input", "output", "json"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

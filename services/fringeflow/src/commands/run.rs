@@ -6,6 +6,7 @@ use fringeflow_base::atomic_file::check_writable;
 use fringeflow_runtime::{ServiceArgs, ServiceKind, live_services};
 use fringeflow_supervisor::{Plan, run};
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::globals::Globals;
 use crate::report::RunPage;
@@ -27,7 +28,7 @@ pub(crate) struct Args {
     /// Only check whether everything matches the configuration: cameras, calibration, memory, folders.
     ///
     /// The check sets the cameras as configured and releases them. Exit code 2: something is wrong.
-    #[arg(long, conflicts_with_all = ["seconds", "record", "report", "no_report", "trace"])]
+    #[arg(long)]
     check: bool,
 }
 
@@ -53,6 +54,19 @@ pub(super) struct ScanArgs {
     #[arg(long)]
     json: bool,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["config", "segment_table", "json", "threads", "simd", "log_format"],
+    choices: &[&[
+        Mode { name: "with --check", is_chosen: |args| args.check, options: &["check"] },
+        Mode {
+            name: "without --check",
+            is_chosen: |_| true,
+            options: &["seconds", "record", "report", "no_report", "trace"],
+        },
+    ]],
+};
 
 impl Args {
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
@@ -113,7 +127,7 @@ pub(super) fn plan(
         services,
         program: std::env::current_exe()?,
         global_arguments: globals.to_command_line(),
-        service_arguments: arguments.to_command_line(),
+        arguments: arguments.clone(),
         duration_ns: None,
         recording,
         trace: None,

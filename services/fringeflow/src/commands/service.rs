@@ -5,6 +5,7 @@ use fringeflow_dataset::CameraId;
 use fringeflow_recorder::Outcome;
 use fringeflow_runtime::{ServiceArgs, ServiceError, ServiceKind};
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::globals::Globals;
 
@@ -40,6 +41,19 @@ enum Service {
     /// Serve metrics, dashboard and live view.
     Monitor(ServiceArgs),
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["config", "setup", "restarts", "supervised", "threads", "simd", "log_format"],
+    choices: &[&[
+        Mode {
+            name: "for correspondence and cloud",
+            is_chosen: |args| args.service.kind().reads_segment_table(),
+            options: &["segment_table"],
+        },
+        Mode { name: "for this service", is_chosen: |_| true, options: &[] },
+    ]],
+};
 
 impl Args {
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {

@@ -13,6 +13,7 @@ use fringeflow_telemetry::{
 };
 use fringeflow_transport::{Instance, request};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::json;
 
@@ -77,6 +78,9 @@ struct StageReport {
     restarts: u32,
     silent: bool,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["instance", "json"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

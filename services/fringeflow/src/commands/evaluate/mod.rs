@@ -12,12 +12,13 @@ use fringeflow_dataset::TRUTH_FILE;
 use fringeflow_lab::evaluation::{Evaluation, against_cloud, egc};
 use fringeflow_lab::simulation::Object;
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::method::{Method, MethodOutput};
 use crate::output_folder;
 use crate::pictures;
-use crate::proposed::ProposedArgs;
+use crate::proposed::{PROPOSED_OPTIONS, ProposedArgs};
 use crate::truth;
 use crate::values::{one_of, unit};
 
@@ -49,7 +50,7 @@ pub(crate) struct Args {
     /// seeds, by its own way, by ours and by Gray code, and scenes with more and more false candidates. Prints the
     /// tables of the paper beside ours. With --output it writes them as paper.html, paper.md and paper.csv, and
     /// claims.csv and claims.svg.
-    #[arg(long, group = "experiment", conflicts_with_all = ["input", "against", "method", "units", "preview"])]
+    #[arg(long, group = "experiment", conflicts_with = "input")]
     paper: bool,
     /// With --paper: one seed and small images.
     #[arg(long, requires = "paper")]
@@ -82,7 +83,7 @@ pub(crate) struct Args {
         requires = "sweep"
     )]
     series: Vec<Knob>,
-    /// Unit of the calibration, if the dataset does not state one.
+    /// Unit of the calibration, if the input does not state one. Another unit than the stated one is refused.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
     /// Folder for pictures. judgement.png shows the right and the wrong points.
@@ -94,6 +95,35 @@ pub(crate) struct Args {
     #[command(flatten)]
     proposed: ProposedArgs,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["json", "threads", "simd"],
+    choices: &[
+        &[
+            Mode {
+                name: "with --sweep",
+                is_chosen: |args| args.sweep,
+                options: &["sweep", "output", "objects", "series"],
+            },
+            Mode { name: "with --paper", is_chosen: |args| args.paper, options: &["paper", "quick", "output"] },
+            Mode {
+                name: "with an INPUT",
+                is_chosen: |_| true,
+                options: &["input", "against", "method", "units", "preview"],
+            },
+        ],
+        &[
+            Mode { name: "with --sweep", is_chosen: |args| args.sweep, options: &[] },
+            Mode { name: "with --paper", is_chosen: |args| args.paper, options: &[] },
+            Mode { name: "with an INPUT", is_chosen: |_| true, options: PROPOSED_OPTIONS },
+        ],
+        &[
+            Mode { name: "with --method pa", is_chosen: |args| args.method == Method::Pa, options: PROPOSED_OPTIONS },
+            Mode { name: "with --method egc or cgc", is_chosen: |_| true, options: &[] },
+        ],
+    ],
+};
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
@@ -109,6 +139,7 @@ impl Args {
             (None, folder) => return paper::run(folder.as_deref(), self.quick, self.json),
         };
         let input = Input::open(input, self.units)?;
+        input.check_unit(self.units)?;
         let output = self.method.run(&input, &self.proposed)?;
         let evaluation = self.evaluate(&input, &output)?;
         if let Some(folder) = &self.preview {

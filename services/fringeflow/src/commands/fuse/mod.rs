@@ -16,6 +16,7 @@ use fringeflow_config::Configuration;
 use fringeflow_tracking::TrackedStream;
 use fringeflow_tracking::fusion::{FusionSettings, Tracker, write_model};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::json;
@@ -54,6 +55,26 @@ pub(crate) struct Args {
     #[command(flatten)]
     measuring: MeasuringArgs,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&[
+    "input",
+    "output",
+    "every",
+    "min_support",
+    "frames",
+    "trajectory",
+    "units",
+    "json",
+    "extra_images",
+    "config",
+    "no_prior",
+    "resolution",
+    "min_confidence",
+    "segment_table",
+    "threads",
+    "simd",
+]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ use fringeflow_message::{Counts, Stage, StageReport, flags};
 use fringeflow_recording::{Content, Message, Recording, RecordingError, Topic};
 use fringeflow_telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
 
+use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::json;
 use crate::report::{RunFigures, RunInfo, write_html};
@@ -35,6 +36,9 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["input", "worst", "json", "html", "trace"]);
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {

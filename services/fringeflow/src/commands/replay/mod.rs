@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use fringeflow_recording::Recording;
 use fringeflow_replayer::Pace;
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::globals::Globals;
 
@@ -35,13 +36,31 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["input", "verify", "json", "threads", "simd"],
+    choices: &[&[
+        Mode { name: "with --verify and without --rate and --record", is_chosen: Args::is_in_process, options: &[] },
+        Mode {
+            name: "without --verify or with --rate or --record",
+            is_chosen: |_| true,
+            options: &["instance", "rate", "record", "log_format"],
+        },
+    ]],
+};
+
 impl Args {
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         let recording = Recording::open(&self.input)?;
-        if self.verify && self.rate.is_none() && self.record.is_none() {
+        if self.is_in_process() {
             return self.verify(&recording);
         }
         self.play(&recording, globals)
+    }
+
+    /// Whether the clouds are computed in this process, without channels.
+    fn is_in_process(&self) -> bool {
+        self.verify && self.rate.is_none() && self.record.is_none()
     }
 }
 

@@ -21,6 +21,8 @@ use crate::{json, output_folder, progress};
 
 use super::{Args, CalibratedRig};
 
+/// Number of windows that are measured in a recording by default.
+const DEFAULT_WINDOWS: u16 = 30;
 /// Name of the drift map in the folder of --output.
 const PICTURE: &str = "drift.png";
 
@@ -114,6 +116,20 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     if args.json { json::print(&report) } else { Ok(write(&mut io::stdout().lock(), &report)?) }
 }
 
+/// Number of windows to measure.
+///
+/// # Errors
+/// The option asks for windows of a dataset folder, which has one.
+fn window_count(input: &Input, args: &Args) -> Result<usize, Failure> {
+    match (args.windows, input) {
+        (Some(windows), Input::Folder(_)) => Err(input.unusable(&format!(
+            "--windows {windows} has no effect, because a dataset folder is one window; leave it out, or give a \
+             recording"
+        ))),
+        (windows, _) => Ok(usize::from(windows.unwrap_or(DEFAULT_WINDOWS))),
+    }
+}
+
 /// The images of the windows to measure, evenly spaced over the input.
 fn choose_windows(
     input: &Input,
@@ -121,7 +137,7 @@ fn choose_windows(
     args: &Args,
     configuration: &Configuration,
 ) -> Result<Vec<Images>, Failure> {
-    let (every, steps) = (cycles.len().div_ceil(usize::from(args.windows)), input.setup().steps);
+    let (every, steps) = (cycles.len().div_ceil(window_count(input, args)?), input.setup().steps);
     let extra = configuration.settings.window_images(steps) - steps;
     let images = |cycle: &Range<usize>| match args.steps {
         Some(steps) => Images::evenly_spaced(input, cycle.clone(), steps),

@@ -16,6 +16,7 @@ use fringeflow_dataset::{Setup, read_volume};
 use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 use fringeflow_lab::simulation::{read_configuration, setup_text};
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::output_folder;
@@ -27,7 +28,7 @@ pub(crate) struct Args {
     /// Calibration file (OpenCV YAML), configuration of a scanner (.toml), dataset folder or recording (.mcap). All but
     /// the calibration file also state unit, volume, pattern and steps.
     calibration: PathBuf,
-    /// Unit of lengths in the calibration file and the volume. The default is that of the dataset, else mm.
+    /// Unit of lengths in the calibration file and in --volume. The default is that of the dataset, else mm.
     #[arg(long, value_name = "UNIT", value_parser = unit())]
     units: Option<Unit>,
     /// Measurement volume: xmin,ymin,zmin,xmax,ymax,zmax in the frame of camera 1 (write --volume=-50,…), or a JSON
@@ -61,24 +62,14 @@ pub(crate) struct Args {
     grid: u16,
     /// Measure how far the calibration has drifted, in the images of a dataset folder or a recording. They state the
     /// pattern, and the volume unless --volume is given.
-    #[arg(
-        long,
-        value_name = "DATASET|RECORDING",
-        conflicts_with_all = ["period", "sign", "noise", "modulation", "calibration_error_px", "calibration_sd", "grid"]
-    )]
+    #[arg(long, value_name = "DATASET|RECORDING")]
     images: Option<PathBuf>,
-    /// With --images: number of windows to measure in a recording, evenly spaced.
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 30,
-        requires = "images",
-        value_parser = clap::value_parser!(u16).range(1..)
-    )]
-    windows: u16,
+    /// With --images of a recording: number of windows to measure, evenly spaced [default: 30].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    windows: Option<u16>,
     /// With --images: TOML file with settings, see configs/reconstruct.toml. The default is the settings of the
     /// recording.
-    #[arg(long, value_name = "FILE", requires = "images")]
+    #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Print one JSON object (metres, radians, pixels) instead of text.
     #[arg(long)]
@@ -96,6 +87,23 @@ struct CalibratedRig {
     /// Pattern and steps of a dataset or a recording.
     measurement: Option<(FringePattern, usize)>,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["calibration", "units", "volume", "steps", "json", "output", "threads", "simd"],
+    choices: &[&[
+        Mode {
+            name: "with --images",
+            is_chosen: |args| args.images.is_some(),
+            options: &["images", "windows", "config"],
+        },
+        Mode {
+            name: "without --images",
+            is_chosen: |_| true,
+            options: &["period", "sign", "noise", "modulation", "calibration_error_px", "calibration_sd", "grid"],
+        },
+    ]],
+};
 
 impl Args {
     /// Prints the report, or with --images the drift.
@@ -136,7 +144,11 @@ impl Args {
         let setup = if is_of_kind("toml") {
             Some(configured_setup(&self.calibration)?)
         } else if is_of_kind("mcap") || self.calibration.is_dir() {
-            Some(Input::open(&self.calibration, self.units)?.setup().clone())
+            let input = Input::open(&self.calibration, self.units)?;
+            if self.volume.is_none() {
+                input.check_unit(self.units)?;
+            }
+            Some(input.setup().clone())
         } else {
             None
         };
@@ -147,7 +159,7 @@ impl Args {
                 (read_calibration(&self.calibration, unit)?, unit, None, None)
             }
         };
-        let given = self.volume.as_ref().map(|given| parse_volume(given, unit)).transpose()?;
+        let given = self.volume.as_ref().map(|given| parse_volume(given, self.units.unwrap_or(unit))).transpose()?;
         Ok(CalibratedRig { rig, volume: given.or(volume), measurement })
     }
 

@@ -15,6 +15,7 @@ use fringeflow_lab::simulation::{
 };
 use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat, StereoLayout};
 
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::progress;
 use crate::values::one_of;
@@ -27,10 +28,10 @@ pub(crate) struct Args {
     output: PathBuf,
     /// Record the virtual scanner of a configuration (see configs/demo.toml) with the true poses of the object. No
     /// service runs. The same configuration gives the same bytes.
-    #[arg(long, value_name = "FILE", conflicts_with_all = DATASET_OPTIONS)]
+    #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// With --config: seconds to record, at most 3600. The default is one round of the sweep.
-    #[arg(long, value_name = "S", requires = "config", value_parser = recording::parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = recording::parse_seconds)]
     seconds: Option<f64>,
     /// Object to measure. clutter and crumbs are hard, and tray is larger than the image.
     #[arg(long, value_name = "NAME", default_value = "elephant", value_parser = one_of(&Object::ALL, Object::name))]
@@ -41,11 +42,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "KIND|MM", value_parser = Board::from_str, allow_negative_numbers = true)]
     board: Option<Board>,
     /// Albedo of a board outside the volume, 0 to 2: black paper 0.05, grey 0.3, white 0.8 [default: 0.62].
-    #[arg(long, value_name = "SHARE", requires = "board")]
+    #[arg(long, value_name = "SHARE")]
     board_albedo: Option<f64>,
     /// Rotation of that board about the vertical axis, -80 to 80 degrees. Above 0 its right border is farther from the
     /// sensor. Its distance is that of its nearest point [default: 0].
-    #[arg(long, value_name = "DEG", requires = "board", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     board_tilt: Option<f64>,
     /// Scale the object to fill this share of the image of C1, 0.1 to 60. Board and hand do not count.
     #[arg(long, value_name = "PERCENT")]
@@ -70,16 +71,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MM")]
     motion: Option<f64>,
     /// Rotate the object from phase image to phase image. The default is 0.2° for each millimetre of --motion.
-    #[arg(long, value_name = "DEG", requires = "motion")]
+    #[arg(long, value_name = "DEG")]
     turn: Option<f64>,
     /// Number of cycles of phase images with --motion. The default gives 16 images or more.
-    #[arg(long, value_name = "C", requires = "motion")]
+    #[arg(long, value_name = "C")]
     cycles: Option<usize>,
     /// Share of the time in which the shutter is open, 0 to 1. Above 0, the motion blurs the images.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, requires = "motion")]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     blur: f64,
     /// Tremor of the hand on top of --motion: root mean square along each axis, and as many degrees about it.
-    #[arg(long, value_name = "MM", default_value_t = 0.0, requires = "motion")]
+    #[arg(long, value_name = "MM", default_value_t = 0.0)]
     tremor: f64,
     /// Phase images of a cycle in each direction, 3 to 16.
     #[arg(long, value_name = "N", default_value_t = 8)]
@@ -142,39 +143,6 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Options that conflict with --config: a configuration has keys of its own for them.
-const DATASET_OPTIONS: [&str; 29] = [
-    "object",
-    "board",
-    "board_albedo",
-    "board_tilt",
-    "share",
-    "hand",
-    "shift",
-    "cover",
-    "motion",
-    "turn",
-    "cycles",
-    "blur",
-    "tremor",
-    "steps",
-    "size",
-    "noise",
-    "format",
-    "bayer",
-    "stereo_layout",
-    "gamma",
-    "seed",
-    "sd",
-    "lens_error",
-    "depth",
-    "period",
-    "symmetric",
-    "two_directions",
-    "no_gray",
-    "supersampling",
-];
-
 /// Default rotation of the object per millimetre of motion, degrees.
 const DEG_PER_MM: f64 = 0.2;
 
@@ -185,6 +153,71 @@ struct Report<'a> {
     #[serde(flatten)]
     summary: SimulationSummary,
 }
+
+/// Where the options act.
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["output", "json", "threads", "simd"],
+    choices: &[
+        &[
+            Mode { name: "with --config", is_chosen: |args| args.config.is_some(), options: &["config", "seconds"] },
+            Mode {
+                name: "without --config",
+                is_chosen: |_| true,
+                options: &[
+                    "object",
+                    "board",
+                    "board_albedo",
+                    "board_tilt",
+                    "share",
+                    "hand",
+                    "shift",
+                    "cover",
+                    "motion",
+                    "turn",
+                    "cycles",
+                    "blur",
+                    "tremor",
+                    "steps",
+                    "size",
+                    "noise",
+                    "format",
+                    "bayer",
+                    "stereo_layout",
+                    "gamma",
+                    "seed",
+                    "sd",
+                    "lens_error",
+                    "depth",
+                    "period",
+                    "symmetric",
+                    "two_directions",
+                    "no_gray",
+                    "supersampling",
+                ],
+            },
+        ],
+        &[
+            Mode {
+                name: "with --motion",
+                is_chosen: |args| args.motion.is_some(),
+                options: &["turn", "cycles", "blur", "tremor"],
+            },
+            Mode { name: "without --motion", is_chosen: |_| true, options: &[] },
+        ],
+        &[
+            Mode {
+                name: "with a board outside the volume, as in --board 85",
+                is_chosen: |args| matches!(args.board(), Board::Apart(_)),
+                options: &["board_albedo", "board_tilt"],
+            },
+            Mode { name: "without a board outside the volume", is_chosen: |_| true, options: &[] },
+        ],
+        &[
+            Mode { name: "with --sd 0", is_chosen: |args| args.sd <= 0.0, options: &[] },
+            Mode { name: "with --sd above 0", is_chosen: |_| true, options: &["lens_error"] },
+        ],
+    ],
+};
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
@@ -207,25 +240,14 @@ impl Args {
     }
 
     /// The board that the options describe.
-    ///
-    /// # Errors
-    /// An option of a board outside the volume was given with another board.
-    fn board(&self) -> Result<Board, Failure> {
-        let board = self.board.unwrap_or(self.object.usual_board());
-        let options = [("--board-albedo", self.board_albedo), ("--board-tilt", self.board_tilt)];
-        match board {
-            Board::Apart(apart) => Ok(Board::Apart(BoardApart {
+    fn board(&self) -> Board {
+        match self.board.unwrap_or(self.object.usual_board()) {
+            Board::Apart(apart) => Board::Apart(BoardApart {
                 albedo: self.board_albedo.unwrap_or(apart.albedo),
                 tilt_deg: self.board_tilt.unwrap_or(apart.tilt_deg),
                 ..apart
-            })),
-            Board::None | Board::Dark | Board::Visible => match options.into_iter().find_map(|(o, v)| Some((o, v?))) {
-                Some((option, value)) => Err(Failure::Usage(format!(
-                    "{option} {value}: this option needs a board outside the measurement volume; give its distance in \
-                     millimetres, as in --board 85"
-                ))),
-                None => Ok(board),
-            },
+            }),
+            other => other,
         }
     }
 
@@ -234,7 +256,7 @@ impl Args {
         let arrangement = if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP };
         Ok(SimulationOptions {
             object: self.object,
-            board: self.board()?,
+            board: self.board(),
             rig: RigOptions {
                 given: None,
                 arrangement,

@@ -1,0 +1,153 @@
+//! The forms of the commands, the inputs, and a value for each option.
+
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use crate::outcome::run;
+
+/// Options on which no result depends.
+pub(crate) const WITHOUT_RESULT: &[&str] = &["--threads", "--simd", "--log-format"];
+
+/// A way to use a command. In its arguments, `SET` and the other names of [`Inputs`] stand for paths.
+pub(crate) struct Form {
+    pub(crate) command: &'static str,
+    pub(crate) arguments: &'static str,
+    /// Pairs of which one says what holds anyway with the other.
+    exceptions: &'static [[&'static str; 2]],
+}
+
+const fn form(command: &'static str, arguments: &'static str) -> Form {
+    Form { command, arguments, exceptions: &[] }
+}
+
+/// A cycle without further images compensates no motion, so it has no prior. The few points of the resolution paper give
+/// none either.
+const WITHOUT_PRIOR: &[[&str; 2]] = &[["--steps", "--no-prior"], ["--resolution", "--no-prior"]];
+
+pub(crate) const FORMS: &[Form] = &[
+    Form { command: "reconstruct", arguments: "SET --output cloud.ply", exceptions: WITHOUT_PRIOR },
+    form("reconstruct", "SET --output cloud.ply --method egc"),
+    // The pictures show changes that the rounded figures hide.
+    Form { command: "evaluate", arguments: "SET --preview pictures", exceptions: WITHOUT_PRIOR },
+    form("evaluate", "SET --method cgc"),
+    form("simulate", "--output set --size 64x64 --supersampling 1"),
+    form("simulate", "--output set --size 64x64 --motion 0.3 --board 85"),
+    form("rig", "SET --json"),
+    form("rig", "SET"),
+    form("rig", "SET --images SET"),
+    form("fuse", "SCAN --output model.ply --every 2"),
+    form("fuse", "SCAN --output model.ply --no-prior"),
+    form("export", "SCAN --output cloud.ply"),
+    form("export", "SCAN --output clouds"),
+    form("export", "SCAN --output images --images"),
+    form("import", "SET --output set.mcap"),
+    form("info", "SCAN"),
+    form("check", "SCAN"),
+    form("recover", "SCAN --output again.mcap"),
+    form("latency", "SCAN"),
+];
+
+impl Form {
+    pub(crate) fn is_excepted(&self, [a, b]: [&str; 2]) -> bool {
+        self.exceptions.iter().any(|pair| pair.contains(&a) && pair.contains(&b))
+    }
+}
+
+/// The inputs of the commands.
+pub(crate) struct Inputs {
+    folder: TempDir,
+    /// A dataset of a moving object with Gray code.
+    set: PathBuf,
+    /// A recording of a run, with clouds and reports.
+    scan: PathBuf,
+}
+
+const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
+                          --motion 0.2 --two-directions --noise low";
+
+impl Inputs {
+    pub(crate) fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let made = run(folder.path(), &SIMULATION.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+        assert!(made.is_success(), "{}", made.stderr);
+        std::fs::write(folder.path().join("settings.toml"), SETTINGS).unwrap();
+        let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings");
+        Self { set: folder.path().join("set"), scan: recordings.join("tooth.mcap"), folder }
+    }
+
+    /// Replaces the name of an input by its path.
+    pub(crate) fn replace(&self, word: &str) -> String {
+        let path = match word {
+            "SET" => self.set.clone(),
+            "SCAN" => self.scan.clone(),
+            "SETTINGS" => self.folder.path().join("settings.toml"),
+            word => return word.to_owned(),
+        };
+        path.to_string_lossy().into_owned()
+    }
+}
+
+/// Settings that differ from the default ones.
+const SETTINGS: &str = "[phase]\nmin_modulation_grey = 40\n[health]\ndrift_rad = { warn = 0.000001, bad = 0.000002 }\n";
+
+/// Returns an option with a value that the command accepts, and that differs from the default one.
+pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> {
+    let value = match (form.command, option) {
+        ("evaluate" | "reconstruct", "--method") => "cgc",
+        ("evaluate", "--against") => "gray",
+        ("export", "--format") => "npz",
+        ("simulate", "--format") => "Y12",
+        ("fuse" | "export", "--frames" | "--clouds") => "0..9",
+        ("rig", "--volume") => "--volume=-20,-20,290,20,20,310",
+        ("rig", "--noise") => "9",
+        ("simulate", "--noise") => "low",
+        ("rig" | "simulate", "--period") => "48",
+        ("simulate", "--config") => "settings.toml",
+        (_, "--config") => "SETTINGS",
+        (_, "--frames") => "4..11",
+        ("rig", "--steps") => "3",
+        (_, "--steps") => "4",
+        (_, "--units") => "m",
+        (_, "--resolution") => "paper",
+        (_, "--min-confidence") => "0.95",
+        (_, "--extra-images") => "1",
+        (_, "--segment-table") => "rig.segments",
+        (_, "--preview" | "--output") => "pictures",
+        (_, "--trajectory") => "poses.csv",
+        (_, "--html") => "page.html",
+        (_, "--trace") => "trace.json",
+        (_, "--worst") => "2",
+        (_, "--every" | "--cloud" | "--windows" | "--seconds") => "3",
+        (_, "--min-support") => "5",
+        (_, "--rate") => "50",
+        (_, "--objects") => "tooth",
+        (_, "--series") => "sd",
+        (_, "--sign") => "--sign=-1",
+        (_, "--modulation") => "30",
+        (_, "--calibration-error-px") => "0.2",
+        (_, "--calibration-sd") => "0.1",
+        (_, "--grid") => "4",
+        (_, "--images") if form.command == "rig" => "SET",
+        (_, "--object") => "tooth",
+        (_, "--board") => "40",
+        (_, "--board-albedo") => "0.2",
+        (_, "--board-tilt") => "10",
+        (_, "--share") => "20",
+        (_, "--shift") => "--shift=1,2,-3",
+        (_, "--cover") => "cam2",
+        (_, "--motion") => "0.4",
+        (_, "--turn" | "--blur") => "0.5",
+        (_, "--cycles") => "3",
+        (_, "--tremor") => "0.1",
+        (_, "--gamma") => "1.5",
+        (_, "--seed") => "7",
+        (_, "--sd") => "0.08",
+        (_, "--lens-error") => "2",
+        (_, "--depth") => "60",
+        (_, "--supersampling") => "1",
+        // A switch.
+        _ => return vec![option.to_owned()],
+    };
+    if value.starts_with("--") { vec![value.to_owned()] } else { vec![option.to_owned(), inputs.replace(value)] }
+}
