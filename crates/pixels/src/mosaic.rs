@@ -7,6 +7,8 @@
 //!     green:     grey[x] = 4 row[x] if x is green, else row[x − 1] + row[x + 1] + above[x] + below[x]
 //! ```
 //!
+//! A grey level of which a value is saturated is the largest one, so that it counts as saturated too.
+//!
 //! A row or column outside the image is replaced by the one two further in, which has the same colours. Each row of the
 //! camera is unpacked once. Memory: a few rows.
 
@@ -42,6 +44,8 @@ pub(super) struct MosaicRows {
     /// Row `y` of the view is at index `y % HELD_ROWS`, if it is held.
     held: [HeldRow; HELD_ROWS],
     unpacked: Vec<u8>,
+    /// The largest of the three values of each column.
+    peaks: Vec<u16>,
     narrow_sums: Vec<u16>,
     wide_sums: Vec<u32>,
     /// All bits set where a column is green, in turn.
@@ -77,13 +81,16 @@ impl MosaicRows {
             }
             let rows = [above, y, below].map(|number| &self.held[number % HELD_ROWS].values[x..][..width + 2 * END_PX]);
             let is_green = &self.is_green[usize::from(!order.is_green(x, y))..][..width];
-            let out = out.as_chunks_mut().0;
+            let (out, most) = (out.as_chunks_mut().0, source.samples.max_value());
+            let Self { peaks, narrow_sums, wide_sums, .. } = self;
             match (grey, source.samples) {
-                (BayerGrey::Green, PixelFormat::Y16) => green(rows, is_green, out, |sum: u32| ((sum + 2) >> 2) as u16),
-                (BayerGrey::Green, _) => green(rows, is_green, out, |sum: u16| sum),
-                (_, PixelFormat::Y16) => weighted(rows, &mut self.wide_sums, out, |sum| ((sum + 8) >> 4) as u16),
-                (_, PixelFormat::Y14) => weighted(rows, &mut self.wide_sums, out, |sum| ((sum + 2) >> 2) as u16),
-                _ => weighted(rows, &mut self.narrow_sums, out, |sum| sum),
+                (BayerGrey::Green, PixelFormat::Y16) => {
+                    green(rows, is_green, most, out, |sum: u32| ((sum + 2) >> 2) as u16);
+                }
+                (BayerGrey::Green, _) => green(rows, is_green, most, out, |sum: u16| sum),
+                (_, PixelFormat::Y16) => weighted(rows, most, peaks, wide_sums, out, |sum| ((sum + 8) >> 4) as u16),
+                (_, PixelFormat::Y14) => weighted(rows, most, peaks, wide_sums, out, |sum| ((sum + 2) >> 2) as u16),
+                _ => weighted(rows, most, peaks, narrow_sums, out, |sum| sum),
             }
         }
     }
@@ -122,6 +129,8 @@ impl MosaicRows {
 /// Weighted sums of squares of 3 × 3 pixels. The rows have one pixel more than `out` at both ends.
 fn weighted<S: Copy + From<u16> + Add<Output = S>>(
     [above, row, below]: [&[u16]; HELD_ROWS],
+    most: u16,
+    peaks: &mut Vec<u16>,
     sums: &mut Vec<S>,
     out: &mut [[u8; 2]],
     value_of: impl Fn(S) -> u16,
@@ -130,9 +139,16 @@ fn weighted<S: Copy + From<u16> + Add<Output = S>>(
     let columns = above.iter().zip(row).zip(below);
     sums.clear();
     sums.extend(columns.map(|((&a, &b), &c)| sum(a.into(), b.into(), c.into())));
+    peaks.clear();
+    peaks.extend(above.iter().zip(row).zip(below).map(|((&a, &b), &c)| a.max(b).max(c)));
+    let of_column = sum(most.into(), most.into(), most.into());
+    let greatest = value_of(sum(of_column, of_column, of_column));
     let neighbours = sums.iter().zip(&sums[1..]).zip(&sums[2..]);
-    for (out, ((&left, &middle), &right)) in out.iter_mut().zip(neighbours) {
-        *out = value_of(sum(left, middle, right)).to_le_bytes();
+    let peaks = peaks.iter().zip(&peaks[1..]).zip(&peaks[2..]);
+    let pixels = out.iter_mut().zip(neighbours.zip(peaks));
+    for (out, (((&left, &middle), &right), ((&a, &b), &c))) in pixels {
+        let value = value_of(sum(left, middle, right));
+        *out = if a.max(b).max(c) == most { greatest } else { value }.to_le_bytes();
     }
 }
 
@@ -141,6 +157,7 @@ fn weighted<S: Copy + From<u16> + Add<Output = S>>(
 fn green<S: Copy + From<u16> + Add<Output = S>>(
     [above, row, below]: [&[u16]; HELD_ROWS],
     is_green: &[u16],
+    most: u16,
     out: &mut [[u8; 2]],
     value_of: impl Fn(S) -> u16,
 ) {
@@ -149,7 +166,9 @@ fn green<S: Copy + From<u16> + Add<Output = S>>(
     let horizontal = row.iter().zip(&row[1..]).zip(&row[2..]);
     let pixels = out.iter_mut().zip(is_green).zip(vertical.zip(horizontal));
     for ((out, &is_green), ((&up, &down), ((&left, &own), &right))) in pixels {
-        let value = sum(own, own, own, own) & is_green | sum(up, down, left, right) & !is_green;
+        let is_saturated = up.max(down).max(left.max(right)) == most;
+        let between = if is_saturated { sum(most, most, most, most) } else { sum(up, down, left, right) };
+        let value = sum(own, own, own, own) & is_green | between & !is_green;
         *out = value.to_le_bytes();
     }
 }

@@ -7,6 +7,9 @@
 /// Converts a row of the source to a row of the result.
 pub(super) type Row = fn(&[u8], &mut [u8]);
 
+/// R + 2 G + B of white.
+const GREATEST_SUM: u16 = 4 * 255;
+
 /// Copies rows of `row_bytes`, or all rows at once if the source has no gaps.
 pub(super) fn copy(source: &[u8], stride_bytes: usize, row_bytes: usize, out: &mut [u8]) {
     if stride_bytes == row_bytes {
@@ -118,9 +121,13 @@ pub(super) fn y16_interleaved_1(row: &[u8], out: &mut [u8]) {
     groups(row, out, |&pair: &[u8; 4]| [(u32::from_le_bytes(pair) >> 16) as u16]);
 }
 
-/// `RGB3` and `BGR3`: R + 2 G + B. Nothing is rounded, so no precision is lost.
+/// `RGB3` and `BGR3`: R + 2 G + B. Nothing is rounded, so no precision is lost. Here and below, the sum is the largest
+/// one if a colour is saturated, so that it counts as saturated too.
 pub(super) fn colours_of_three_bytes(row: &[u8], out: &mut [u8]) {
-    pixels_of_three_bytes(row, out, |[a, b, c]| u16::from(a) + 2 * u16::from(b) + u16::from(c));
+    pixels_of_three_bytes(row, out, |[a, b, c]| {
+        let sum = u16::from(a) + 2 * u16::from(b) + u16::from(c);
+        if a.max(b).max(c) == u8::MAX { GREATEST_SUM } else { sum }
+    });
 }
 
 /// Colours in the first three of four bytes: R + 2 G + B.
@@ -135,7 +142,9 @@ pub(super) fn colours_after_a_byte(row: &[u8], out: &mut [u8]) {
 
 /// The sum of the low three bytes, the second counted twice.
 fn colour_sum(pixel: u32) -> u16 {
-    ((pixel & 0xff) + (pixel >> 7 & 0x1fe) + (pixel >> 16 & 0xff)) as u16
+    let [first, green, third] = [pixel & 0xff, pixel >> 8 & 0xff, pixel >> 16 & 0xff];
+    let is_saturated = first.max(green).max(third) == 0xff;
+    if is_saturated { GREATEST_SUM } else { (first + 2 * green + third) as u16 }
 }
 
 /// `YUYV` and `YVYU`.

@@ -168,7 +168,8 @@ mod tests {
                         [grey] => grey.pixels.clone(),
                         [red, green, blue] => (0..red.pixels.len())
                             .map(|i| [red, green, blue].map(|colour| u16::from(colour.pixels[i])))
-                            .flat_map(|[r, g, b]| (r + 2 * g + b).to_le_bytes())
+                            .map(|[r, g, b]| if r.max(g).max(b) == 255 { 1020 } else { r + 2 * g + b })
+                            .flat_map(u16::to_le_bytes)
                             .collect(),
                         _ => unreachable!(),
                     };

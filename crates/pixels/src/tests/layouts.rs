@@ -66,6 +66,9 @@ fn layouts_of_the_documentation() {
         // R + 2 G + B.
         ("RGB3", &[1, 10, 100, 255, 255, 255], &[121, 1020]),
         ("BGR3", &[1, 10, 100, 255, 255, 255], &[121, 1020]),
+        // A saturated colour saturates the sum.
+        ("RGB3", &[1, 255, 2, 255, 0, 0, 254, 254, 254], &[1020, 1020, 1016]),
+        ("XB24", &[1, 2, 255, 9, 1, 2, 3, 255], &[1020, 8]),
         // Bytes B G R X, and X R G B.
         ("XR24", &[1, 10, 100, 9, 2, 20, 200, 9], &[121, 242]),
         ("BX24", &[9, 1, 10, 100, 9, 2, 20, 200], &[121, 242]),
@@ -97,9 +100,9 @@ fn colours(sum: u16) -> [u8; 3] {
     [red, green, sum - 2 * green - red].map(|colour| colour as u8)
 }
 
-/// The largest value of a format.
+/// The largest value of a format; of colours, the largest sum of which none is saturated.
 fn greatest(format: SourceFormat) -> u16 {
-    if format.colour_bytes().is_some() { 4 * 255 } else { format.pixel_format().max_value() }
+    if format.is_rgb() { 4 * 254 } else { format.pixel_format().max_value() }
 }
 
 /// Packs a row in the layout of a format, padded with ones to whole groups.

@@ -47,6 +47,23 @@ fn grey_level(grey: BayerGrey, order: BayerOrder, at: impl Fn(isize, isize) -> u
     }
 }
 
+/// Whether a value behind the grey level of a pixel is the largest one.
+fn is_saturated(
+    grey: BayerGrey,
+    order: BayerOrder,
+    at: impl Fn(isize, isize) -> u64,
+    [x, y]: [usize; 2],
+    most: u64,
+) -> bool {
+    let square = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx: isize| (dx, dy)));
+    square.filter(|(dx, dy)| at(x as isize + dx, y as isize + dy) == most).any(|(dx, dy)| match grey {
+        BayerGrey::Weighted => true,
+        BayerGrey::Green if colour(order, x, y) == 'G' => (dx, dy) == (0, 0),
+        BayerGrey::Green => dx.abs() + dy.abs() == 1,
+        BayerGrey::Raw => (dx, dy) == (0, 0),
+    })
+}
+
 const SAMPLES: [BayerSamples; 7] = [
     BayerSamples::Grey,
     BayerSamples::Y10,
@@ -106,6 +123,9 @@ proptest! {
                     let (sum, scale) = grey_level(grey, order, at, [x0 + u, y0 + v]);
                     // 16 bits have no room for the bits of the sum.
                     let shift = u32::from(stored.bits()) + scale.ilog2() - u32::from(pixel_format.bits());
+                    // A saturated value saturates the grey level.
+                    let most = u64::from(stored.max_value());
+                    let sum = if is_saturated(grey, order, at, [x0 + u, y0 + v], most) { scale * most } else { sum };
                     let expected = if shift == 0 { sum } else { (sum + (1 << (shift - 1))) >> shift };
                     prop_assert_eq!(u64::from(found[v * width + u]), expected, "{} {:?} at {}, {}", format, grey, u, v);
                 }
