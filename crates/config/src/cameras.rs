@@ -434,10 +434,10 @@ mod tests {
             read.map(|read| (read.device_images, read.pixel_format()))
         };
         let of = |name: &str, grey| DeviceImages::new(name.parse().unwrap(), grey, None).unwrap();
-        assert_eq!(images("format = \"RGGB\"").unwrap(), (of("RGGB", None), PixelFormat::Y12));
+        assert_eq!(images("format = \"RGGB\"").unwrap(), (of("RGGB", None), PixelFormat::Grey));
         let green = images("format = \"BA10\"\nbayer = \"green\"").unwrap();
         assert_eq!(green, (of("BA10", Some(BayerGrey::Green)), PixelFormat::Y12));
-        assert_eq!(images("format = \"RGGB\"\nbayer = \"raw\"").unwrap().1, PixelFormat::Grey);
+        assert_eq!(images("format = \"RGGB\"\nbayer = \"weighted\"").unwrap().1, PixelFormat::Y12);
         assert_eq!(images("format = \"RGGB\"\nbinning = 2").unwrap().1, PixelFormat::Y10);
         let refused = |keys: &str| images(keys).unwrap_err();
         let grey = refused("format = \"Y10\"\nbayer = \"raw\"");

@@ -77,11 +77,11 @@ impl BayerSamples {
 pub enum BayerGrey {
     /// (R + 2 G + B) / 4 of the pixel and its neighbours, weighted 1 2 1, 2 4 2, 1 2 1: the same mixture of colours at
     /// every pixel. Noise and modulation fall.
-    #[default]
     Weighted,
     /// The green pixels; between them, the mean of the four green neighbours.
     Green,
     /// The mosaic itself: nothing is blurred, but neighbouring pixels show different colours.
+    #[default]
     Raw,
 }
 

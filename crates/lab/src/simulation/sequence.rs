@@ -261,7 +261,7 @@ impl Simulation {
                 self.colours(camera, kind, &pattern, seed)
             });
             let [first, second] = views;
-            self.write_views(&writer, kind, [first?, second?])?;
+            self.write_views(&writer, kind, &[first?, second?])?;
             on_image();
         }
         Ok(writer)
@@ -272,12 +272,12 @@ impl Simulation {
         &self,
         writer: &DatasetWriter,
         kind: ImageKind,
-        views: [Vec<GreyImage>; 2],
+        views: &[Vec<GreyImage>; 2],
     ) -> Result<(), SimulationError> {
         match device::source_of_files(self.options.images) {
-            Some(images) if images.views() == 2 => writer.source_image(None, kind, &packed(images, &views))?,
+            Some(images) if images.views() == 2 => writer.source_image(None, kind, &packed(images, views))?,
             source => {
-                for (camera, colours) in CameraId::BOTH.into_iter().zip(&views) {
+                for (camera, colours) in CameraId::BOTH.into_iter().zip(views) {
                     match (source, &colours[..]) {
                         (None, [grey]) => writer.image(camera, kind, grey)?,
                         _ => {

@@ -43,6 +43,7 @@ const FORMS: &[Form] = &[
     form("simulate", &["-o", "set"]),
     form("simulate", &["-o", "set", "--motion", "0.5", "--board", "85"]),
     form("simulate", &["-o", "set", "--sd", "0"]),
+    form("simulate", &["-o", "set", "--format", "RGGB"]),
     form("simulate", &["-o", "a.mcap", "--config", "a.toml"]),
     form("status", &[]),
 ];
@@ -93,6 +94,7 @@ fn sample(name: &str) -> &'static str {
         "--board" => "85",
         "DEVICE" => "/dev/video0",
         "--shift" => "1,2,3",
+        "--format" => "Y12",
         "--size" => "64x64",
         "--min-confidence" | "--blur" | "--board-albedo" => "0.5",
         _ => "4",

@@ -158,7 +158,6 @@ fn simulate_refuses_formats_and_layouts_that_are_not_possible() {
         assert!(!target.exists());
     };
     refused(&["--format", "MJPG"], &["MJPG", "does not compress"]);
-    refused(&["--format", "Y10", "--bayer", "raw"], &["Y10 images are no Bayer mosaic"]);
     refused(&["--format", "Y8I", "--stereo-layout", "top-bottom"], &["remove the layout top-bottom"]);
     refused(&["--format", "RGGB", "--size", "65x64", "--stereo-layout", "side-by-side"], &["65 × 64", "multiple of 2"]);
     refused(&["--format", "Y10P", "--size", "66x64", "--stereo-layout", "side-by-side"], &["multiple of 4"]);

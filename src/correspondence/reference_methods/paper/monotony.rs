@@ -9,7 +9,8 @@
 //! for each decided pixel p:
 //!     walk along the epipolar direction on both sides while the phase continues, for less than 2π
 //!         for each decided k after a rise of the unwrapped phase: does c(k) lie on the side of c(p) that it tells?
-//!     p violates the monotony if more of the k contradict it than agree
+//!     p violates the monotony if more than a third of the k contradict it: a point that lies too far along the line is
+//!     in order with the neighbours on one of its sides
 //! ```
 //!
 //! "Only one coordinate is monotone": here the column of the epipolar frame. A surface seen at a grazing angle hardly
@@ -47,7 +48,7 @@ impl Image<'_> {
         let orientation = self.orientation(sides);
         let violates = |&pixel: &usize| {
             let Order { agreeing, contradicting } = self.order_of(pixel, sides, orientation);
-            contradicting > agreeing
+            2 * contradicting > agreeing
         };
         (0..self.absolute.len()).into_par_iter().filter(violates).collect()
     }

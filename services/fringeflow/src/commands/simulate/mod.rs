@@ -101,7 +101,7 @@ pub(crate) struct Args {
     /// possible.
     #[arg(long, value_name = "FORMAT", default_value = "GREY", value_parser = SourceFormat::from_str)]
     format: SourceFormat,
-    /// Grey level of a Bayer mosaic, when the dataset is read. The default is weighted.
+    /// Grey level of a Bayer mosaic, when the dataset is read. The default is raw.
     #[arg(long, value_name = "LEVEL", value_parser = one_of(&BayerGrey::ALL, BayerGrey::name))]
     bayer: Option<BayerGrey>,
     /// Put the views of both cameras into one image.
@@ -181,7 +181,6 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
                     "size",
                     "noise",
                     "format",
-                    "bayer",
                     "stereo_layout",
                     "gamma",
                     "seed",
@@ -211,6 +210,14 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
                 options: &["board_albedo", "board_tilt"],
             },
             Mode { name: "without a board outside the volume", is_chosen: |_| true, options: &[] },
+        ],
+        &[
+            Mode {
+                name: "with a Bayer mosaic, as in --format RGGB",
+                is_chosen: |args| args.format.bayer_order().is_some(),
+                options: &["bayer"],
+            },
+            Mode { name: "without a Bayer mosaic", is_chosen: |_| true, options: &[] },
         ],
         &[
             Mode { name: "with --sd 0", is_chosen: |args| args.sd <= 0.0, options: &[] },
