@@ -36,8 +36,9 @@
 //! use fringeflow_message::{FrameHeader, PATTERN_FRINGES, PatternEvent};
 //!
 //! let source = StepSource::Events { period_px: 16.0 };
+//! let (frame_period_ns, max_skew_ns) = (10_000_000, 500_000);
 //! let settings =
-//!     Settings { steps: 4, images: 4, frame_period_ns: 10_000_000, source, window_stride: 4, max_waiting: 8 };
+//!     Settings { steps: 4, images: 4, frame_period_ns, max_skew_ns, source, window_stride: 4, max_waiting: 8 };
 //! let mut synchronizer = Synchronizer::new(settings)?;
 //! for number in 0..4 {
 //!     let exposure_start_ns = 1_000_000_000 + 10_000_000 * number;

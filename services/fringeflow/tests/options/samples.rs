@@ -133,7 +133,7 @@ pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> 
         (_, "--grid") => "4",
         (_, "--images") if form.command == "rig" => "SET",
         (_, "--object") => "tooth",
-        (_, "--bayer") => "raw",
+        (_, "--bayer") => "weighted",
         (_, "--stereo-layout") => "side-by-side",
         (_, "--board") => "40",
         (_, "--board-albedo") => "0.2",
