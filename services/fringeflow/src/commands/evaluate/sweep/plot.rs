@@ -208,11 +208,7 @@ fn draw_legend(resolutions: &[&str], rows: &[Row]) -> Vec<String> {
         entry(count + i, "style=\"stroke:var(--ink)\"", DASHES[i % DASHES.len()], &name)
     });
     let refused = rows.iter().filter(|row| row.figures.is_none()).count();
-    let note = format!(
-        "<text x=\"{LEGEND_X_PX}\" y=\"340\">{refused} of {} not measured,</text><text x=\"{LEGEND_X_PX}\" y=\"358\">see \
-         sweep.csv</text>\n",
-        rows.len()
-    );
+    let note = format!("<text x=\"{LEGEND_X_PX}\" y=\"340\">{refused} of {} not measured</text>\n", rows.len());
     knobs.chain(resolutions).chain([note]).collect()
 }
 
