@@ -96,7 +96,8 @@ fn arrangements_that_do_not_fit_are_refused() {
     let green = DeviceImages::new("RGGB".parse().unwrap(), Some(BayerGrey::Green), None).unwrap();
     let refused = green.check_binning(2).unwrap_err().to_string();
     assert!(refused.contains("remove the choice \"green\", or use binning 1"), "{refused}");
-    let small = DeviceImages::from("RGGB".parse::<SourceFormat>().unwrap()).image_px([1, 9]).unwrap_err().to_string();
+    let interpolated = DeviceImages::new("RGGB".parse().unwrap(), Some(BayerGrey::Weighted), None).unwrap();
+    let small = interpolated.image_px([1, 9]).unwrap_err().to_string();
     assert!(small.contains("a mosaic of 1 × 9 pixels is too small"), "{small}");
 }
 
