@@ -66,3 +66,13 @@ pub struct Cloud {
     /// The points.
     pub points: Vec<CloudPoint>,
 }
+
+impl Cloud {
+    /// Candidates for each point that passed the back-projection test besides the chosen one: efc (paper, Eq. 1), as
+    /// counted. 0 without points.
+    #[must_use]
+    pub fn false_candidates_per_point(&self) -> f64 {
+        let false_candidates: u64 = self.points.iter().map(|point| u64::from(point.candidates.saturating_sub(1))).sum();
+        false_candidates as f64 / self.points.len().max(1) as f64
+    }
+}

@@ -209,13 +209,13 @@ pub(super) fn device_images(source: &CameraSource, raw: &RawCameras) -> Result<D
     let known = BayerGrey::ALL.map(|grey| (grey.name(), grey));
     let bayer = raw.bayer.as_deref().map(|name| one_of("cameras.bayer", name, &known)).transpose()?;
     let layout = stereo::stereo_layout(source, raw, format)?;
-    let problem = |problem: String| ConfigurationProblem::Named { key: "cameras.bayer", problem };
-    let images = DeviceImages::new(format, bayer, layout).map_err(|error| {
+    let problem = |error: DeviceImagesError| {
         let is_layout = matches!(error, DeviceImagesError::Interleaved { .. });
         let key = if is_layout { "cameras.stereo_layout" } else { "cameras.bayer" };
         ConfigurationProblem::Named { key, problem: error.to_string() }
-    })?;
-    images.check_binning(raw.binning.unwrap_or(1)).map_err(|e| problem(e.to_string()))?;
+    };
+    let images = DeviceImages::new(format, bayer, layout).map_err(problem)?;
+    images.check_binning(raw.binning.unwrap_or(1)).map_err(problem)?;
     Ok(images)
 }
 

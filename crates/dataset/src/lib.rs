@@ -51,6 +51,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use fringeflow::calibration::{self, Unit};
 use fringeflow_base::grey::PixelFormat;
+use fringeflow_pixels::DeviceImages;
 
 use image_files::ImageFiles;
 
@@ -58,7 +59,7 @@ pub use error::{DatasetError, Problem};
 pub use image::{GreyImage, read_png, write_png};
 pub use meta::{VolumeDescription, read_volume};
 pub use motion::Motion;
-pub use sequence::FringeSequence;
+pub use sequence::{FringeSequence, UnevenSteps, evenly_spaced};
 pub use setup::{Setup, SetupError, SetupText};
 pub use truth::{CapturedTruth, RenderedTruth, Truth};
 pub use write::{DatasetDescription, DatasetWriter, ImageKind, check_new};
@@ -108,6 +109,11 @@ pub const CALIBRATION_FILE: &str = "calibration.yml";
 pub const EXACT_CALIBRATION_FILE: &str = "calibration_exact.yml";
 /// Name of the description in a dataset folder.
 pub const META_FILE: &str = "meta.json";
+/// Name of the folder with the images of a camera, or with images that hold the views of both.
+fn image_folder_name(source: Option<DeviceImages>, camera: CameraId) -> &'static str {
+    if source.is_some_and(|images| images.holds_both_views()) { FOLDER_OF_BOTH } else { camera.folder() }
+}
+
 /// Name of the folder with images that hold the views of both cameras.
 const FOLDER_OF_BOTH: &str = "both";
 /// Name of the ground truth in a dataset folder.
@@ -232,7 +238,7 @@ impl Dataset {
         let image = match self.setup.source {
             None => read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)),
             Some(images) => {
-                let view = if images.views() == 2 { camera as usize } else { 0 };
+                let view = if images.holds_both_views() { camera as usize } else { 0 };
                 source::read(path, images, self.setup.readout, view)
             }
         };
@@ -243,8 +249,7 @@ impl Dataset {
 
     /// The folder with the images of a camera.
     fn image_folder(&self, camera: CameraId) -> PathBuf {
-        let holds_both = self.setup.source.is_some_and(|images| images.views() == 2);
-        self.folder.join(if holds_both { FOLDER_OF_BOTH } else { camera.folder() })
+        self.folder.join(image_folder_name(self.setup.source, camera))
     }
 
     fn image_files<'a>(&self, folder: &'a Path) -> ImageFiles<'a> {

@@ -18,7 +18,7 @@ use super::motion::WrittenMotion;
 use super::source::RawSource;
 use super::{
     CALIBRATION_FILE, CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, FOLDER_OF_BOTH, FringeSequence,
-    GreyImage, META_FILE, Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, truth, write_png,
+    GreyImage, META_FILE, Motion, Problem, RenderedTruth, SetupText, TRUTH_FILE, image_folder_name, truth, write_png,
 };
 
 /// Content of a new `meta.json`.
@@ -154,8 +154,7 @@ impl DatasetWriter {
         let text = description
             .text()
             .map_err(|e| DatasetError::new(&target.join(META_FILE), Problem::Unwritable(e.into())))?;
-        let folders = image_folders(description.source);
-        let writer = Self::create_folders(target, description.readout.image_size_px(), folders)?;
+        let writer = Self::create_folders(target, description.readout.image_size_px(), description.source)?;
         writer.file(META_FILE, text.as_bytes())?;
         Ok(writer)
     }
@@ -165,13 +164,17 @@ impl DatasetWriter {
     /// # Errors
     /// As [`Self::create`].
     pub fn create_from_text(target: &Path, text: &SetupText, image_size_px: [usize; 2]) -> Result<Self, DatasetError> {
-        let writer = Self::create_folders(target, image_size_px, image_folders(None))?;
+        let writer = Self::create_folders(target, image_size_px, None)?;
         writer.file(META_FILE, text.description.as_bytes())?;
         writer.file(CALIBRATION_FILE, text.calibration.as_bytes())?;
         Ok(writer)
     }
 
-    fn create_folders(target: &Path, image_size_px: [usize; 2], folders: &[&str]) -> Result<Self, DatasetError> {
+    fn create_folders(
+        target: &Path,
+        image_size_px: [usize; 2],
+        source: Option<DeviceImages>,
+    ) -> Result<Self, DatasetError> {
         let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
         check_new(target)?;
         let parent = match target.parent() {
@@ -182,8 +185,9 @@ impl DatasetWriter {
         // The umask still applies. With the default of tempfile, other users could not read the result.
         builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
         let unfinished = builder.tempdir_in(parent).map_err(fail)?;
-        for folder in folders {
-            std::fs::create_dir(unfinished.path().join(folder)).map_err(fail)?;
+        for camera in CameraId::BOTH {
+            // Both cameras may have the same folder.
+            std::fs::create_dir_all(unfinished.path().join(image_folder_name(source, camera))).map_err(fail)?;
         }
         Ok(Self { target: target.to_owned(), unfinished, image_size_px })
     }
@@ -270,11 +274,6 @@ impl DatasetWriter {
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
         WriteError { path: self.target.join(name), ..error }
     }
-}
-
-/// Folders with the images of a dataset.
-fn image_folders(source: Option<DeviceImages>) -> &'static [&'static str] {
-    if source.is_some_and(|images| images.views() == 2) { &[FOLDER_OF_BOTH] } else { &["cam1", "cam2"] }
 }
 
 /// Checks that a new dataset can be written at `target`: the path does not exist, or it is an empty folder.

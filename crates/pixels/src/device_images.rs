@@ -121,10 +121,16 @@ impl DeviceImages {
         self.format.bayer_order().map(|_| self.bayer)
     }
 
+    /// Whether an image holds the views of both cameras.
+    #[must_use]
+    pub fn holds_both_views(&self) -> bool {
+        self.layout.is_some() || self.format.is_interleaved()
+    }
+
     /// Number of views in an image: 1, or 2 if it holds those of both cameras.
     #[must_use]
     pub fn views(&self) -> usize {
-        if self.layout.is_some() || self.format.is_interleaved() { 2 } else { 1 }
+        if self.holds_both_views() { 2 } else { 1 }
     }
 
     /// How grey levels are interpolated; `None` if each value of the image is a grey level, or if squares are summed.

@@ -86,7 +86,7 @@ impl ImageReader {
     pub fn is_passthrough(&self, stride_bytes: usize) -> bool {
         let samples = self.images.format().samples();
         let is_stored = samples == samples.pixel_format().into() && self.images.interpolation(1).is_none();
-        let is_whole = self.views.readout.is_whole() && self.images.views() == 1;
+        let is_whole = self.views.readout.is_whole() && !self.images.holds_both_views();
         is_whole && is_stored && stride_bytes == self.whole_row_bytes()
     }
 

@@ -91,16 +91,6 @@ pub(super) fn mono_12p(row: &[u8], out: &mut [u8]) {
     });
 }
 
-/// View 0 of `Y8I`.
-pub(super) fn y8_interleaved_0(row: &[u8], out: &mut [u8]) {
-    every_second(row, out, |pair| pair as u8);
-}
-
-/// View 1 of `Y8I`.
-pub(super) fn y8_interleaved_1(row: &[u8], out: &mut [u8]) {
-    every_second(row, out, |pair| (pair >> 8) as u8);
-}
-
 /// View 0 of `Y12I`.
 pub(super) fn y12_interleaved_0(row: &[u8], out: &mut [u8]) {
     pixels_of_three_bytes(row, out, |[a, b, _]| u16::from_le_bytes([a, b]) & 0x0fff);
@@ -147,20 +137,20 @@ fn colour_sum(pixel: u32) -> u16 {
     if is_saturated { GREATEST_SUM } else { (first + 2 * green + third) as u16 }
 }
 
-/// `YUYV` and `YVYU`.
-pub(super) fn luma_first(row: &[u8], out: &mut [u8]) {
+/// `YUYV` and `YVYU`, and view 0 of `Y8I`.
+pub(super) fn first_of_pairs(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| pair as u8);
 }
 
-/// `UYVY` and `VYUY`.
-pub(super) fn luma_second(row: &[u8], out: &mut [u8]) {
+/// `UYVY` and `VYUY`, and view 1 of `Y8I`.
+pub(super) fn second_of_pairs(row: &[u8], out: &mut [u8]) {
     every_second(row, out, |pair| (pair >> 8) as u8);
 }
 
 /// Reads pairs as 16-bit little-endian numbers, so that the compiler vectorizes the shifts and casts.
-fn every_second(row: &[u8], out: &mut [u8], luma: impl Fn(u16) -> u8) {
+fn every_second(row: &[u8], out: &mut [u8], grey_of: impl Fn(u16) -> u8) {
     for (grey, &pair) in out.iter_mut().zip(row.as_chunks::<2>().0) {
-        *grey = luma(u16::from_le_bytes(pair));
+        *grey = grey_of(u16::from_le_bytes(pair));
     }
 }
 

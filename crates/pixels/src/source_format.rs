@@ -114,7 +114,8 @@ impl SourceFormat {
     }
 
     /// The format that stores the same values, without the meaning of a mosaic.
-    pub(super) fn samples(self) -> Self {
+    #[must_use]
+    pub fn samples(self) -> Self {
         if let Self::Bayer(_, samples) = self { samples.grey_format() } else { self }
     }
 

@@ -9,7 +9,7 @@ use fringeflow::phase::PhaseShifts;
 use fringeflow::prior::{Moment, Prior};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 use fringeflow_config::Configuration;
-use fringeflow_dataset::GreyImage;
+use fringeflow_dataset::{GreyImage, evenly_spaced};
 use fringeflow_telemetry::health::HealthLimits;
 use fringeflow_tracking::TrackedStream;
 use fringeflow_tracking::fusion::{FusionSettings, Tracker};
@@ -214,13 +214,7 @@ impl Images {
     /// # Errors
     /// `steps` does not divide the number of images.
     pub(crate) fn evenly_spaced(input: &Input, images: Range<usize>, steps: usize) -> Result<Self, Failure> {
-        let count = images.len();
-        if steps == 0 || !count.is_multiple_of(steps) {
-            return Err(Failure::Usage(format!(
-                "--steps {steps}: {count} images cannot be thinned out evenly; give a divisor of {count}"
-            )));
-        }
-        let numbers: Vec<usize> = images.step_by(count / steps).collect();
+        let numbers = evenly_spaced(images, steps).map_err(Failure::unusable)?;
         let cycle_rad = numbers.iter().filter_map(|&number| input.shift_rad(number)).collect();
         Ok(Self { numbers, cycle_rad, first_step: 0 })
     }

@@ -5,9 +5,9 @@ use std::fmt;
 
 use serde::Serialize;
 
-use fringeflow::correspondence::{Outcome, OutcomeCounts};
+use fringeflow::correspondence::{DeltaStatistics, Drift, Outcome, OutcomeCounts};
 use fringeflow::phase::Motion;
-use fringeflow_telemetry::health::Quantity;
+use fringeflow_telemetry::health::{HealthLimits, Quantity};
 
 use crate::proposed::ProposedOutput;
 
@@ -107,13 +107,37 @@ pub(crate) struct Doubt {
     kind: Quantity,
 }
 
+impl DriftFigures {
+    fn new(drift: &Drift, delta: &DeltaStatistics, limits: &HealthLimits) -> Self {
+        let limit_rad = limits.limits_of(Quantity::Drift).warn;
+        let residual = drift.residual_statistics(delta);
+        let efc = residual.expected_false_candidates();
+        let doubts = [
+            (Quantity::DeltaNoise, drift.residual_sd_rad),
+            (Quantity::Unexplained, 1.0 - drift.share),
+            (Quantity::FalseCandidates, efc),
+        ]
+        .into_iter()
+        .map(|(kind, value)| Doubt { quantity: kind.name(), value, limit: limits.limits_of(kind).warn, kind })
+        .filter(|doubt| doubt.value > doubt.limit);
+        Self {
+            rms_rad: drift.rms_rad,
+            error_px: drift.error_px,
+            residual_sd_rad: drift.residual_sd_rad,
+            share: drift.share,
+            limit_rad,
+            beyond_limit: drift.explains_most_pixels() && drift.rms_rad > limit_rad,
+            efc,
+            puc: residual.expected_unique_percent(),
+            doubts: doubts.collect(),
+        }
+    }
+}
+
 impl Statistics {
     /// Statistics of a result of the proposed method.
     pub(crate) fn new(ProposedOutput { reconstruction, limits, .. }: &ProposedOutput) -> Self {
-        let drift_limit_rad = limits.limits_of(Quantity::Drift).warn;
-        let (matches, points) = (&reconstruction.matches, &reconstruction.cloud.points);
-        let point_count = points.len().max(1) as f64;
-        let additional: u64 = points.iter().map(|p| u64::from(p.candidates.saturating_sub(1))).sum();
+        let matches = &reconstruction.matches;
         let counts = OutcomeCounts::from_outcomes(&matches.outcomes);
         Self {
             mean_periods: matches.delta.mean_periods,
@@ -123,26 +147,8 @@ impl Statistics {
             delta_suspicious: matches.delta.is_suspicious(),
             threshold_rad: matches.delta.threshold_rad(),
             efc_predicted: matches.delta.expected_false_candidates(),
-            drift: matches.drift.as_ref().map(|drift| DriftFigures {
-                rms_rad: drift.rms_rad,
-                error_px: drift.error_px,
-                residual_sd_rad: drift.residual_sd_rad,
-                share: drift.share,
-                limit_rad: drift_limit_rad,
-                beyond_limit: drift.explains_most_pixels() && drift.rms_rad > drift_limit_rad,
-                efc: drift.residual_statistics(&matches.delta).expected_false_candidates(),
-                puc: drift.residual_statistics(&matches.delta).expected_unique_percent(),
-                doubts: [
-                    (Quantity::DeltaNoise, drift.residual_sd_rad),
-                    (Quantity::Unexplained, 1.0 - drift.share),
-                    (Quantity::FalseCandidates, drift.residual_statistics(&matches.delta).expected_false_candidates()),
-                ]
-                .into_iter()
-                .map(|(kind, value)| Doubt { quantity: kind.name(), value, limit: limits.limits_of(kind).warn, kind })
-                .filter(|doubt| doubt.value > doubt.limit)
-                .collect(),
-            }),
-            efc_measured: additional as f64 / point_count,
+            drift: matches.drift.as_ref().map(|drift| DriftFigures::new(drift, &matches.delta, limits)),
+            efc_measured: reconstruction.cloud.false_candidates_per_point(),
             puc_predicted: matches.delta.expected_unique_percent(),
             puc_measured: counts.unique_percent(),
             fit_residual_share: [reconstruction.cam1.fit.residual_share, reconstruction.cam2.fit.residual_share],

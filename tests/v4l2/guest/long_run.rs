@@ -92,7 +92,7 @@ impl LongRun {
 
     /// Folders of the images, one for each device.
     fn folders(&self) -> &'static [&'static str] {
-        if self.images().views() == 2 { &["both"] } else { &["cam1", "cam2"] }
+        if self.images().holds_both_views() { &["both"] } else { &["cam1", "cam2"] }
     }
 
     /// Writes the images of a folder to device `number`.

@@ -15,7 +15,7 @@ use fringeflow::phase::{
     self, AbsolutePhase, GrayCode, GrayCodeError, PhaseMap, PhaseShifts, ShiftError, Threshold, Validity,
     decode_gray_code,
 };
-use fringeflow_dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage};
+use fringeflow_dataset::{CameraId, Dataset, DatasetError, FringeSequence, GreyImage, UnevenSteps, evenly_spaced};
 
 /// Excludes only dark pixels: Gray code itself shows whether a phase fits.
 const VALIDITY: Validity = Validity { min_modulation_grey: 6.0, saturation_grey: 255, max_residual_share: f32::MAX };
@@ -43,13 +43,8 @@ pub enum GrayReferenceError {
         what: &'static str,
     },
     /// The phase images cannot be thinned out evenly.
-    #[error("--steps {steps}: {count} images cannot be thinned out evenly; give a divisor of {count}")]
-    Steps {
-        /// The wanted number.
-        steps: usize,
-        /// Number of phase images.
-        count: usize,
-    },
+    #[error(transparent)]
+    Steps(#[from] UnevenSteps),
     /// The images cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
@@ -145,12 +140,10 @@ fn phase_numbers(
         (Some(_), Direction::First) => dataset.setup.reference_images(dataset.setup.steps),
         _ => 0..available,
     };
-    let count = numbers.len();
-    let steps = steps.unwrap_or(count);
-    if steps == 0 || !count.is_multiple_of(steps) {
-        return Err(GrayReferenceError::Steps { steps, count });
-    }
-    Ok(numbers.step_by(count / steps).collect())
+    Ok(match steps {
+        Some(steps) => evenly_spaced(numbers, steps)?,
+        None => numbers.collect(),
+    })
 }
 
 fn wrapped_phase(

@@ -1,7 +1,7 @@
 //! The experiment of the paper (section 3), on the virtual scanner.
 //!
 //! ```text
-//! TracedObject: one of the seven objects, its rays traced once
+//! Simulation: one of the seven objects, its rays traced once
 //!    └─ with_seed ─► dataset folder: 16 phase images and 7 images of Gray code in two directions
 //!                       ├─► EGC with 16 steps ─► RD, the reference data of the paper
 //!                       └─► each Way with 16, 8 and 4 steps ─► cloud ─► com, miss, fpc by truth and by RD
@@ -12,12 +12,10 @@
 //! of the 16 images, evenly spaced. Gray code has no white and black image here: as in the paper, seven images are all
 //! of it.
 
-mod reference;
 mod spread;
 mod trial;
 mod way;
 
-pub use reference::TracedObject;
 pub use spread::Spread;
 pub use trial::{DeltaFigures, Figures, Measurement, Trial, TrialError};
 pub use way::Way;

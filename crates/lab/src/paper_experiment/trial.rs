@@ -1,6 +1,7 @@
 //! One object with one seed, measured by every way.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Instant;
 
 use fringeflow::cloud::Cloud;
@@ -8,25 +9,27 @@ use fringeflow::correspondence::{Outcome, OutcomeCounts, ResolutionMethod, Segme
 use fringeflow::geometry::EpipolarError;
 use fringeflow::phase::{PhaseShifts, ShiftError};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor, Settings};
-use fringeflow_dataset::{CameraId, Dataset, DatasetError, GreyImage, RenderedTruth};
+use fringeflow_dataset::{
+    CameraId, Dataset, DatasetError, GreyImage, RenderedTruth, Truth, UnevenSteps, evenly_spaced,
+};
 use serde::Serialize;
 
 use super::Way;
 use crate::evaluation::{
     Evaluation, EvaluationError, Frames, GrayReferenceError, Judgement, Scores, SimulatedDatasetError, against_cloud,
-    against_rendered, cgc, egc,
+    against_rendered, cgc, egc, gray_reference_data,
 };
-use crate::simulation::{Object, SimulationError};
+use crate::simulation::{Object, Simulation, SimulationError};
 
 /// The images of an object with one seed, and the references.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    pub(super) object: Object,
-    pub(super) seed: u64,
-    pub(super) dataset: Dataset,
-    pub(super) truth: RenderedTruth,
-    pub(super) gray: Cloud,
-    pub(super) table: SegmentTable,
+    object: Object,
+    seed: u64,
+    dataset: Dataset,
+    truth: RenderedTruth,
+    gray: Cloud,
+    table: SegmentTable,
 }
 
 /// Figures of one way with one number of steps.
@@ -97,6 +100,9 @@ pub enum TrialError {
     /// The dataset has no truth.
     #[error("the simulated dataset has no truth")]
     NoTruth,
+    /// The simulation has no Gray code.
+    #[error("the simulated dataset has no Gray code, so there are no reference data")]
+    NoGrayCode,
     /// The dataset has no measurement volume.
     #[error("the simulated dataset has no measurement volume")]
     NoVolume,
@@ -106,6 +112,9 @@ pub enum TrialError {
     /// The rig has no epipolar frame.
     #[error(transparent)]
     Epipolar(#[from] EpipolarError),
+    /// The phase images cannot be thinned out evenly.
+    #[error(transparent)]
+    Steps(#[from] UnevenSteps),
     /// The phase shifts determine no phase.
     #[error(transparent)]
     Shifts(#[from] ShiftError),
@@ -121,6 +130,25 @@ pub enum TrialError {
 }
 
 impl Trial {
+    /// Takes the images of a scene with the calibration error and the noise of a seed, writes them to `folder`, which
+    /// must not exist, and computes both references:
+    ///
+    /// - the exact truth, at the pixels where EGC agrees with it;
+    /// - RD: the correspondences that EGC finds in all images, in the volume, whose own back-projection residual is
+    ///   small. The paper's reference data are such a result.
+    ///
+    /// # Errors
+    /// [`TrialError`].
+    pub fn new(simulation: &Simulation, seed: u64, folder: &Path) -> Result<Self, TrialError> {
+        let gray = simulation.with_seed(seed)?.write(folder, || {})?.ok_or(TrialError::NoGrayCode)?;
+        let dataset = Dataset::open(folder, None)?;
+        let Some(Truth::Rendered(truth)) = dataset.truth()? else { return Err(TrialError::NoTruth) };
+        let Some(volume) = dataset.setup.volume else { return Err(TrialError::NoVolume) };
+        let table = SegmentTable::build(&dataset.setup.rig, &volume, &dataset.setup.sequence.pattern)?;
+        let gray = gray_reference_data(gray, &volume);
+        Ok(Self { object: simulation.options().object, seed, dataset, truth, gray, table })
+    }
+
     /// Measures the object by a way, from `steps` of the phase images of each direction.
     ///
     /// # Errors
@@ -153,7 +181,7 @@ impl Trial {
     fn reconstruct(&self, method: ResolutionMethod, steps: usize) -> Result<Reconstruction, TrialError> {
         let setup = &self.dataset.setup;
         let all_rad = &setup.sequence.shifts_rad;
-        let numbers: Vec<usize> = (0..all_rad.len()).step_by((all_rad.len() / steps).max(1)).collect();
+        let numbers = evenly_spaced(0..all_rad.len(), steps)?;
         let shifts_rad: Vec<f64> = numbers.iter().map(|&number| all_rad[number]).collect();
         let mut settings = Settings { extra_images: Some(0), ..Settings::default() };
         settings.matching.method = method;
@@ -178,15 +206,14 @@ fn missed(judgements: &[Judgement], outcomes: &[Outcome]) -> BTreeMap<&'static s
 
 impl DeltaFigures {
     fn of_reconstruction(reconstruction: &Reconstruction) -> Self {
-        let (matches, points) = (&reconstruction.matches, &reconstruction.cloud.points);
+        let Reconstruction { matches, cloud, .. } = reconstruction;
         let about_drift = matches.drift.as_ref().map(|drift| drift.residual_statistics(&matches.delta));
         let delta = about_drift.unwrap_or(matches.delta);
-        let additional: u64 = points.iter().map(|point| u64::from(point.candidates.saturating_sub(1))).sum();
         Self {
             mean_periods: delta.mean_periods,
             sd_rad: delta.sd_rad,
             efc_predicted: delta.expected_false_candidates(),
-            efc_measured: additional as f64 / points.len().max(1) as f64,
+            efc_measured: cloud.false_candidates_per_point(),
             puc_predicted: delta.expected_unique_percent(),
             puc_measured: OutcomeCounts::from_outcomes(&matches.outcomes).unique_percent().unwrap_or_default(),
         }

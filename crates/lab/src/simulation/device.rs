@@ -32,6 +32,6 @@ pub(super) fn filters(format: SourceFormat) -> Vec<ColourFilter> {
 
 /// Format and arrangement of the files of a dataset; `None` if they are grey images of each camera.
 pub(super) fn source_of_files(images: DeviceImages) -> Option<DeviceImages> {
-    let is_grey = images.views() == 1 && images.format() == images.format().pixel_format().into();
+    let is_grey = !images.holds_both_views() && images.format() == images.format().pixel_format().into();
     Some(images).filter(|_| !is_grey)
 }

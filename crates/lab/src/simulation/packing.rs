@@ -57,16 +57,12 @@ fn arranged(images: DeviceImages, views: &[Vec<Row>]) -> Vec<Row> {
     };
     match images.layout() {
         Some(StereoLayout::SideBySide) => beside(|a, b| [&a[..], b].concat()),
-        None if images.views() == 2 => beside(|a, b| a.iter().zip(b).flat_map(|(&a, &b)| [a, b]).collect()),
+        None if images.holds_both_views() => beside(|a, b| a.iter().zip(b).flat_map(|(&a, &b)| [a, b]).collect()),
         Some(StereoLayout::TopBottom) | None => views.concat(),
     }
 }
 
 fn packed_row(format: SourceFormat, row: &[u16], row_bytes: usize) -> Vec<u8> {
-    let samples = match format {
-        SourceFormat::Bayer(_, samples) => samples.grey_format(),
-        format => format,
-    };
     let mut row = row.to_vec();
     if !format.is_rgb() {
         row.resize(row.len().next_multiple_of(GROUP_PX), 0);
@@ -76,7 +72,7 @@ fn packed_row(format: SourceFormat, row: &[u16], row_bytes: usize) -> Vec<u8> {
         let colours = row.as_chunks::<3>().0.iter();
         colours.flat_map(|colours| pack(colours.map(|value| value as u8))).collect()
     };
-    let mut bytes: Vec<u8> = match samples {
+    let mut bytes: Vec<u8> = match format.samples() {
         SourceFormat::Y10
         | SourceFormat::Y12
         | SourceFormat::Y14

@@ -136,6 +136,9 @@ pub struct VirtualRig {
 const PROJECTOR_PX: usize = 1024;
 /// Image size to which the focal length of the arrangement refers, pixels.
 const NOMINAL_PX: [f64; 2] = [640.0, 512.0];
+/// Largest depth of the measurement volume of the built-in rig, and of a given rig, millimetres.
+const MAX_DEPTH_MM: f64 = 300.0;
+const MAX_GIVEN_DEPTH_MM: f64 = 2000.0;
 /// Largest relative errors of k2, p1 and p2.
 const MAX_LENS_ERROR: f64 = 10.0;
 /// Half the width and height of the measurement volume, metres.
@@ -150,23 +153,20 @@ impl VirtualRig {
         for size in options.size_px {
             check_range("image size", size as f64, 64.0, 4096.0, "px")?;
         }
-        check_range("depth", options.depth_m * 1e3, 1.0, if options.given.is_some() { 2000.0 } else { 300.0 }, "mm")?;
+        let most_mm = if options.given.is_some() { MAX_GIVEN_DEPTH_MM } else { MAX_DEPTH_MM };
+        check_range("depth", options.depth_m * 1e3, 1.0, most_mm, "mm")?;
         check_range("period", options.period_px, 4.0, 256.0, "px")?;
         check_range("sd", options.sd_rad, 0.0, 1.0, "rad")?;
         check_range("the lens error", options.lens_error, 0.0, MAX_LENS_ERROR, "")?;
-        let (exact, exact_volume) = match &options.given {
-            Some(given) => (given.rig, given.centred_volume()?),
-            None => exact_rig(&options.arrangement, options.size_px, options.depth_m)?,
-        };
-        let columns = options.given.map_or(
-            FringePattern {
-                period_px: options.period_px,
-                sign: 1.0,
+        let (exact, exact_volume, columns) = match &options.given {
+            Some(given) => (given.rig, given.centred_volume()?, given.pattern),
+            None => {
+                let (rig, volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;
                 // The phase is zero at the left border of column 0, half a pixel before its centre.
-                offset_rad: PI / options.period_px,
-            },
-            |given| given.pattern,
-        );
+                let offset_rad = PI / options.period_px;
+                (rig, volume, FringePattern { period_px: options.period_px, sign: 1.0, offset_rad })
+            }
+        };
         let draws = Draws::new(options.seed, options.lens_error);
         let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, draws)?;
         let (min, max) = (*exact_volume.min(), *exact_volume.max());

@@ -143,6 +143,12 @@ impl Simulation {
         Ok(Self { options, staging, motion, rig, scene, views, truth })
     }
 
+    /// Its options.
+    #[must_use]
+    pub fn options(&self) -> &SimulationOptions {
+        &self.options
+    }
+
     /// The same scene, with another calibration error and other noise. Nothing is traced again.
     ///
     /// # Errors
@@ -275,7 +281,7 @@ impl Simulation {
         views: &[Vec<GreyImage>; 2],
     ) -> Result<(), SimulationError> {
         match device::source_of_files(self.options.images) {
-            Some(images) if images.views() == 2 => writer.source_image(None, kind, &packed(images, views))?,
+            Some(images) if images.holds_both_views() => writer.source_image(None, kind, &packed(images, views))?,
             source => {
                 for (camera, colours) in CameraId::BOTH.into_iter().zip(views) {
                     match (source, &colours[..]) {

@@ -1,5 +1,6 @@
 //! `fringeflow evaluate`: reconstructs a dataset or a recording and compares the cloud with a reference.
 
+mod csv;
 mod measurement;
 mod paper;
 mod report;
@@ -50,18 +51,18 @@ pub(crate) struct Args {
     /// seeds, by its own way, by ours and by Gray code, and scenes with more and more false candidates. Prints the
     /// tables of the paper beside ours. With --output it writes them as paper.html, paper.md and paper.csv, and
     /// claims.csv and claims.svg.
-    #[arg(long, group = "experiment", conflicts_with = "input")]
+    #[arg(long)]
     paper: bool,
     /// With --paper: one seed and small images.
-    #[arg(long, requires = "paper")]
+    #[arg(long)]
     quick: bool,
     /// Measure the virtual scanner in series of scenes. Three series raise the expected false candidates: by the depth
     /// of the volume, the calibration error and the fringe period. One moves a board from 30 mm before the volume to
     /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
-    #[arg(long, group = "experiment", conflicts_with_all = ["input", "paper"], requires = "output")]
+    #[arg(long, requires = "output")]
     sweep: bool,
     /// Folder for the files of --sweep or --paper.
-    #[arg(short, long, value_name = "FOLDER", requires = "experiment")]
+    #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
     /// Objects that --sweep measures.
     #[arg(
@@ -69,8 +70,7 @@ pub(crate) struct Args {
         value_name = "NAME,NAME",
         value_delimiter = ',',
         default_values = ["elephant", "machine", "clutter"],
-        value_parser = one_of(&Object::ALL, Object::name),
-        requires = "sweep"
+        value_parser = one_of(&Object::ALL, Object::name)
     )]
     objects: Vec<Object>,
     /// Series that --sweep measures.
@@ -79,8 +79,7 @@ pub(crate) struct Args {
         value_name = "NAME,NAME",
         value_delimiter = ',',
         default_values_t = Knob::ALL,
-        value_enum,
-        requires = "sweep"
+        value_enum
     )]
     series: Vec<Knob>,
     /// Unit of the calibration, if the input does not state one. Another unit than the stated one is refused.

@@ -5,6 +5,8 @@ use std::io::{self, Write};
 use fringeflow_lab::evaluation::Scores;
 use fringeflow_lab::paper_experiment::{DeltaFigures, Figures};
 
+use crate::commands::evaluate::csv::number;
+
 const HEADER: &str = "object,seed,steps,way,images,rd_com_percent,rd_miss_percent,rd_fpc_percent,rd_points,\
                       com_percent,interior_percent,miss_percent,fpc_percent,points,rms_mm,n,sd_rad,efc_predicted,\
                       efc_measured,puc_predicted,puc_measured,seconds";
@@ -17,11 +19,10 @@ pub(super) fn write(out: &mut impl Write, measurements: &[Figures]) -> io::Resul
 
 fn line(figures: &Figures) -> String {
     let Figures { object, seed, way, steps, images, truth, rd, delta, seconds, .. } = figures;
-    let scores = |s: &Scores| [s.com_percent, s.miss_percent, s.fpc_percent].map(|percent| format!("{percent:.5}"));
+    let scores = |s: &Scores| [s.com_percent, s.miss_percent, s.fpc_percent].map(|percent| number(Some(percent)));
     let [rd_com, rd_miss, rd_fpc] = scores(rd);
     let [com, miss, fpc] = scores(truth);
-    let optional = |value: Option<f64>| value.map(|value| format!("{value:.5}")).unwrap_or_default();
-    let of_delta = |figure: fn(&DeltaFigures) -> f64| optional(delta.as_ref().map(figure));
+    let of_delta = |figure: fn(&DeltaFigures) -> f64| number(delta.as_ref().map(figure));
     [
         (*object).to_owned(),
         seed.to_string(),
@@ -33,11 +34,11 @@ fn line(figures: &Figures) -> String {
         rd_fpc,
         rd.reference.to_string(),
         com,
-        optional(truth.interior_percent),
+        number(truth.interior_percent),
         miss,
         fpc,
         truth.reference.to_string(),
-        optional(truth.rms_m.map(|rms_m| 1e3 * rms_m)),
+        number(truth.rms_m.map(|rms_m| 1e3 * rms_m)),
         of_delta(|delta| delta.mean_periods),
         of_delta(|delta| delta.sd_rad),
         of_delta(|delta| delta.efc_predicted),

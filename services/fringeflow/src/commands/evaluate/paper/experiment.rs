@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use fringeflow_lab::paper_experiment::{Figures, Measurement, STEPS, TracedObject, Trial, Way, options};
+use fringeflow_lab::paper_experiment::{Figures, Measurement, STEPS, Trial, Way, options};
 use fringeflow_lab::preview::judgement_picture;
-use fringeflow_lab::simulation::Object;
+use fringeflow_lab::simulation::{Object, Simulation};
 
 use super::{Experiment, NamedPicture};
 use crate::commands::evaluate::sweep;
@@ -54,65 +54,56 @@ pub(super) fn run(extent: Extent) -> Result<Experiment, Failure> {
     let points = sweep::claims(extent == Extent::Quick);
     let scenes = Object::PAPER.len() as u64 * extent.seeds() + (points.len() * extent.objects_of_claims().len()) as u64;
     let bar = progress::bar("scenes", scenes);
-    let (mut measurements, mut failures, mut pictures) = (Vec::new(), Vec::new(), Vec::new());
+    let mut experiment = Experiment { seeds: extent.seeds(), size_px: extent.size_px(), ..Experiment::default() };
     for object in Object::PAPER {
         bar.set_message(object.name());
-        let traced = TracedObject::new(options(object, extent.size_px()))?;
+        let traced = Simulation::new(options(object, extent.size_px()))?;
         for seed in 1..=extent.seeds() {
-            measure(&traced, seed, (&mut measurements, &mut failures, &mut pictures))?;
+            experiment.measure(&traced, seed)?;
             bar.inc(1);
         }
     }
-    let claims = sweep::measure_all(extent.objects_of_claims(), &points, extent.size_px(), &bar);
+    experiment.claims = sweep::measure_all(extent.objects_of_claims(), &points, extent.size_px(), &bar);
     bar.finish_and_clear();
-    let seconds = start.elapsed().as_secs_f64();
-    let (seeds, size_px) = (extent.seeds(), extent.size_px());
-    Ok(Experiment { seeds, size_px, seconds, measurements, claims, failures, pictures })
+    experiment.seconds = start.elapsed().as_secs_f64();
+    Ok(experiment)
 }
 
-/// Keeps a picture of the judgements of the ways that the paper and this program recommend, for the first seed.
-fn keep_picture(measurement: &Measurement, pictures: &mut Vec<NamedPicture>) {
-    let Figures { object, seed, way, steps, .. } = measurement.figures;
-    if seed == 1 && PICTURED.contains(&(way, steps)) {
-        let name = format!("{object}-{}-{steps}.png", way.name());
-        let title = format!("{object}, {} from {steps} images", way.title());
-        pictures.push(NamedPicture {
-            name,
-            title,
-            picture: judgement_picture(&measurement.judgements, measurement.size_px),
-        });
-    }
-}
-
-/// Measures an object with a seed by every way with every number of steps.
-fn measure(
-    traced: &TracedObject,
-    seed: u64,
-    (measurements, failures, pictures): (&mut Vec<Figures>, &mut Vec<String>, &mut Vec<NamedPicture>),
-) -> Result<(), Failure> {
-    // The images are removed when the seed is done.
-    let folder = output_folder::temporary()?;
-    let trial: Trial = match traced.trial(seed, &folder.path().join("images")) {
-        Ok(trial) => trial,
-        Err(error) => {
-            failures.push(format!("{}, seed {seed}: {error}", traced.object().name()));
-            return Ok(());
-        }
-    };
-    for steps in STEPS {
-        for way in Way::ALL {
+impl Experiment {
+    /// Measures an object with a seed by every way with every number of steps.
+    fn measure(&mut self, traced: &Simulation, seed: u64) -> Result<(), Failure> {
+        // The images are removed when the seed is done.
+        let folder = output_folder::temporary()?;
+        let object = traced.options().object.name();
+        let trial = match Trial::new(traced, seed, &folder.path().join("images")) {
+            Ok(trial) => trial,
+            Err(error) => {
+                self.failures.push(format!("{object}, seed {seed}: {error}"));
+                return Ok(());
+            }
+        };
+        for (steps, way) in STEPS.into_iter().flat_map(|steps| Way::ALL.map(|way| (steps, way))) {
             match trial.measure(way, steps) {
-                Ok(measurement) => {
-                    keep_picture(&measurement, pictures);
-                    measurements.push(measurement.figures);
+                Ok(measurement) => self.add(measurement),
+                Err(error) => {
+                    self.failures.push(format!("{object}, seed {seed}, {steps} steps, {}: {error}", way.title()));
                 }
-                Err(error) => failures.push(format!(
-                    "{}, seed {seed}, {steps} steps, {}: {error}",
-                    traced.object().name(),
-                    way.title()
-                )),
             }
         }
+        Ok(())
     }
-    Ok(())
+
+    /// Adds a measurement. Of the first seed it keeps pictures of the judgements, by the ways that the paper and this
+    /// program recommend.
+    fn add(&mut self, Measurement { figures, judgements, size_px }: Measurement) {
+        let Figures { object, seed, way, steps, .. } = figures;
+        if seed == 1 && PICTURED.contains(&(way, steps)) {
+            self.pictures.push(NamedPicture {
+                name: format!("{object}-{}-{steps}.png", way.name()),
+                title: format!("{object}, {} from {steps} images", way.title()),
+                picture: judgement_picture(&judgements, size_px),
+            });
+        }
+        self.measurements.push(figures);
+    }
 }

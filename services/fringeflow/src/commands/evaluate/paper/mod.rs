@@ -31,7 +31,7 @@ use table::Table;
 const SHORT_TABLES: usize = 2;
 
 /// The result of the experiment.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Experiment {
     /// Number of seeds.
     seeds: u64,

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use super::{Row, Warning};
+use crate::commands::evaluate::csv::{number, quoted};
 
 const HEADER: &str = "knob,value,object,resolution,n,sd_rad,efc,efc_predicted,efc_measured,com_percent,interior_percent,\
                       miss_percent,fpc_percent,outliers_percent,points,reconstruction_ms,warning,failure";
@@ -37,15 +38,6 @@ fn line(row: &Row) -> String {
         row.failure.as_deref().map(quoted).unwrap_or_default(),
     ]
     .join(",")
-}
-
-fn number(value: Option<f64>) -> String {
-    value.map(|value| format!("{value:.5}")).unwrap_or_default()
-}
-
-/// Quotes a text that may contain commas, quotes and line breaks.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", text.replace('"', "\"\""))
 }
 
 #[cfg(test)]
