@@ -5,7 +5,8 @@
 //! for each row of the frame, in parallel; for each block of pixels:
 //!     place in the raw image, from the source map
 //!     load the four pixels around each place
-//!     if all are valid, and opposite sides show nearly the same step: interpolate bilinearly, else take the nearest
+//!     if all are valid, and opposite sides show nearly the same step: interpolate bilinearly
+//!     else continue the surface of the nearest pixel up to the place
 //! ```
 
 use rayon::prelude::*;
@@ -55,9 +56,9 @@ impl EpipolarImage {
     /// Resamples a phase map of C2 into the memory of this image. Returns false, and leaves the image as it is, if the
     /// size of the map is not the one that the table was built for.
     ///
-    /// Four neighbours that are valid and on one surface are interpolated bilinearly; elsewhere the nearest pixel is
-    /// taken. Interpolation across a jump would invent phases that no surface has. On a steep surface, where opposite
-    /// sides show the same large step, the nearest pixel alone would err by half a step.
+    /// Four neighbours that are valid and on one surface are interpolated bilinearly. Interpolation across a jump would
+    /// invent phases that no surface has. There the surface of the nearest pixel is continued with its slope: the pixel
+    /// alone would err by up to half a step.
     #[must_use]
     pub fn resample_into(&mut self, map: &PhaseMap, table: &SegmentTable) -> bool {
         if [map.width, map.height] != table.cam2_size_px {
@@ -177,14 +178,17 @@ struct Block {
     upper: [u32; BLOCK_PX],
     lower: [u32; BLOCK_PX],
     phase: [u16; BLOCK_PX],
+    /// Not 0 where the phase is that of the nearest pixel.
+    is_nearest: [u16; BLOCK_PX],
 }
 
 impl Default for Block {
     #[inline(always)]
     fn default() -> Self {
         let (places, pairs) = ([0; BLOCK_PX], [0; BLOCK_PX]);
-        let (inside, phase) = ([0; BLOCK_PX], [0; BLOCK_PX]);
-        Self { columns: places, rows: places, first: pairs, inside, upper: pairs, lower: pairs, phase }
+        let words = [0; BLOCK_PX];
+        let (inside, phase, is_nearest) = (words, words, words);
+        Self { columns: places, rows: places, first: pairs, inside, upper: pairs, lower: pairs, phase, is_nearest }
     }
 }
 
@@ -210,9 +214,54 @@ impl Block {
             let (upper, lower) = (self.upper[i], self.lower[i]);
             let corners = [upper as u16, (upper >> 16) as u16, lower as u16, (lower >> 16) as u16];
             let shares = [self.columns[i] & (PARTS - 1), self.rows[i] & (PARTS - 1)];
-            self.phase[i] = interpolate(corners, shares) | !self.inside[i];
+            let (phase, is_nearest) = interpolate(corners, shares);
+            self.phase[i] = phase | !self.inside[i];
+            self.is_nearest[i] = is_nearest & self.inside[i];
+        }
+        for i in 0..BLOCK_PX {
+            if self.is_nearest[i] != 0 && self.phase[i] != EpipolarImage::NO_PHASE {
+                self.phase[i] = image.continued([self.columns[i], self.rows[i]]);
+            }
         }
     }
+}
+
+impl Marked<'_> {
+    /// Phase at a place inside the image, from the surface of the nearest pixel, which has a phase.
+    fn continued(&self, place: [i32; 2]) -> u16 {
+        let nearest = place.map(|parts| (parts + PARTS / 2) >> PLACE_BITS);
+        let size = [self.width, self.phase.len() / self.width].map(|side| side as i32);
+        let index = nearest[1] as usize * self.width + nearest[0] as usize;
+        let strides = [1, self.width as isize];
+        let rise: i64 = (0..2)
+            .map(|axis| {
+                let offset = place[axis] - (nearest[axis] << PLACE_BITS);
+                let outwards = if offset < 0 { -1 } else { 1 };
+                let at = |pixels: i32| {
+                    let inside = (0..size[axis]).contains(&(nearest[axis] + outwards * pixels));
+                    let neighbour = index as isize + strides[axis] * (outwards * pixels) as isize;
+                    let phase = if inside { self.phase[neighbour as usize] } else { EpipolarImage::NO_PHASE };
+                    (phase != EpipolarImage::NO_PHASE).then_some(phase)
+                };
+                i64::from(slope([at(-2), at(-1), at(0), at(1), at(2)])) * i64::from(offset.abs())
+            })
+            .sum();
+        marked(self.phase[index].wrapping_add(((rise + i64::from(PARTS / 2)) >> PLACE_BITS) as u16))
+    }
+}
+
+/// Slope of the phase behind the third of five pixels in a row: the step to the fourth if it continues the step before,
+/// else the step before if it continues the first one, else the step to the fourth if the last one continues it, else 0:
+/// a pixel that continues nothing mixes surfaces.
+fn slope(phases: [Option<u16>; 5]) -> i32 {
+    let step = |from: usize| {
+        let step = i32::from(phases[from + 1]?.wrapping_sub(phases[from]?) as i16);
+        (step.abs() <= MAX_NEIGHBOUR_STEP).then_some(step)
+    };
+    let steps = [0, 1, 2, 3].map(step);
+    let continues = |a: usize, b: usize| steps[a].zip(steps[b]).is_some_and(|(a, b)| (a - b).abs() <= MAX_TWIST);
+    let chosen = [(2, 1), (1, 0), (2, 3)].into_iter().find(|&(step, beside)| continues(step, beside));
+    chosen.and_then(|(step, _)| steps[step]).unwrap_or(0)
 }
 
 /// Two neighbours of a row, the left one in the lower half of the bits.
@@ -222,10 +271,10 @@ fn pair(phase: &[u16], first: usize) -> u32 {
     u32::from(pair[0]) | u32::from(pair[1]) << 16
 }
 
-/// Phase between four pixels, `right` and `below` the upper left one by shares in 1/2048. Free of branches, so that the
-/// compiler vectorizes it.
+/// Phase between four pixels, `right` and `below` the upper left one by shares in 1/2048; and all bits set if it is that
+/// of the nearest pixel. Free of branches, so that the compiler vectorizes it.
 #[inline(always)]
-fn interpolate([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> u16 {
+fn interpolate([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> (u16, u16) {
     let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
     let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
     let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
@@ -250,7 +299,7 @@ fn interpolate([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [ri
     let upper = if right >= PARTS / 2 { upper_right } else { upper_left };
     let lower = if right >= PARTS / 2 { lower_right } else { lower_left };
     let nearest = if below >= PARTS / 2 { lower } else { upper };
-    if smooth { interpolated } else { nearest }
+    if smooth { (interpolated, 0) } else { (nearest, u16::MAX) }
 }
 
 #[cfg(test)]
@@ -260,27 +309,46 @@ mod tests {
 
     const NONE: u16 = EpipolarImage::NO_PHASE;
 
-    /// Bilinear interpolation in `f64`, pixel by pixel: the oracle.
+    /// Interpolation in `f64`, pixel by pixel: the oracle.
     fn plain(image: Marked<'_>, place: [i32; 2]) -> u16 {
-        let height = image.phase.len() / image.width;
+        let size = [image.width, image.phase.len() / image.width].map(|side| side as i64);
         let [u, v] = place.map(|parts| i64::from(parts >> PLACE_BITS));
-        if !((0..image.width as i64 - 1).contains(&u) && (0..height as i64 - 1).contains(&v)) {
+        if !((0..size[0] - 1).contains(&u) && (0..size[1] - 1).contains(&v)) {
             return NONE;
         }
-        let first = v as usize * image.width + u as usize;
-        let corners = [0, 1, image.width, image.width + 1].map(|offset| image.phase[first + offset]);
+        let at = |u: i64, v: i64| {
+            let inside = (0..size[0]).contains(&u) && (0..size[1]).contains(&v);
+            if inside { image.phase[(v * size[0] + u) as usize] } else { NONE }
+        };
+        // Step between two pixels, if both have a phase and it is small.
+        let step = |from: [i64; 2], to: [i64; 2]| {
+            let [from, to] = [from, to].map(|[u, v]| at(u, v));
+            let step = f64::from(to.wrapping_sub(from) as i16);
+            (from != NONE && to != NONE && step.abs() <= f64::from(MAX_NEIGHBOUR_STEP)).then_some(step)
+        };
+        let is_like = |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| (a - b).abs() <= 6000.0);
         let [right, below] = place.map(|parts| f64::from(parts & (PARTS - 1)) / f64::from(PARTS));
-        let nearest = corners[usize::from(right >= 0.5) + 2 * usize::from(below >= 0.5)];
-        let step = |from: usize, to: usize| f64::from(corners[to].wrapping_sub(corners[from]) as i16);
-        let [top, bottom, at_left, at_right] = [step(0, 1), step(2, 3), step(0, 2), step(1, 3)];
-        let smooth = corners.iter().all(|&phase| phase != NONE)
-            && [top, bottom, at_left, at_right].iter().all(|step| step.abs() <= f64::from(MAX_NEIGHBOUR_STEP))
-            && [top - bottom, at_left - at_right].iter().all(|twist| twist.abs() <= f64::from(MAX_TWIST));
-        if !smooth {
-            return nearest;
-        }
-        let rise = top * right * (1.0 - below) + (at_left + bottom * right) * below;
-        corners[0].wrapping_add((rise + 0.5).floor() as i64 as u16)
+        let (top, bottom) = (step([u, v], [u + 1, v]), step([u, v + 1], [u + 1, v + 1]));
+        let (at_left, at_right) = (step([u, v], [u, v + 1]), step([u + 1, v], [u + 1, v + 1]));
+        let (origin, rise) = if is_like(top, bottom) && is_like(at_left, at_right) {
+            let along = (1.0 - below) * top.unwrap() + below * bottom.unwrap();
+            (at(u, v), along * right + at_left.unwrap() * below)
+        } else {
+            let near = [u + i64::from(right >= 0.5), v + i64::from(below >= 0.5)];
+            let continued = |axis: usize, offset: f64| {
+                let place = |pixels: i64| {
+                    let mut place = near;
+                    place[axis] += if offset < 0.0 { -pixels } else { pixels };
+                    place
+                };
+                let steps = [-2, -1, 0, 1].map(|pixels| step(place(pixels), place(pixels + 1)));
+                let chosen = [(2, 1), (1, 0), (2, 3)].into_iter().find(|&(a, b)| is_like(steps[a], steps[b]));
+                chosen.and_then(|(step, _)| steps[step]).unwrap_or(0.0) * offset.abs()
+            };
+            let [u_offset, v_offset] = [right - f64::from(right >= 0.5), below - f64::from(below >= 0.5)];
+            (at(near[0], near[1]), continued(0, u_offset) + continued(1, v_offset))
+        };
+        if origin == NONE { NONE } else { marked(origin.wrapping_add((rise + 0.5).floor() as i64 as u16)) }
     }
 
     fn interpolated(corners: [u16; 4], place: [i32; 2]) -> u16 {
@@ -306,6 +374,15 @@ mod tests {
         assert_eq!(interpolated([100, 30000, 100, 30000], [312, 0]), 100);
         assert_eq!(interpolated([100, NONE, 100, 200], [312, 0]), 100);
         assert_eq!(interpolated([NONE, 200, 100, 200], [312, 0]), NONE);
+    }
+
+    #[test]
+    fn beside_a_jump_the_surface_of_the_nearest_pixel_continues() {
+        // Two surfaces, with a pixel of both between them.
+        let row = [0, 4000, 8000, 12_000, 25_000, 50_000, 49_000, 48_000];
+        let image = Marked { phase: &[row, row, row].concat(), width: 8 };
+        let at = |column: f64| image.continued([column, 1.0].map(|px| (px * f64::from(PARTS)) as i32));
+        assert_eq!([at(2.75), at(3.25), at(4.25), at(4.75), at(5.25)], [11_000, 13_000, 25_000, 50_250, 49_750]);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Timeout of the virtual machine, seconds. It needs about two minutes, on a busy host four.
-const LIMIT_S: &str = "600";
+/// Time for boot and tests, seconds. They need about two minutes, on a busy host four.
+const LIMIT_S: u64 = 600;
 /// Exit code of `timeout` after the limit.
 const TIMED_OUT: i32 = 124;
 /// Folder of the share in the guest.
@@ -18,6 +18,11 @@ pub(crate) const SHARE: &str = "/tmp/share";
 /// # Panics
 /// The tests fail or do not end. The message has their output and the path of the console log.
 pub(crate) fn run(tests: &str, prepare: impl FnOnce(&Path)) {
+    run_longer(tests, 0, prepare);
+}
+
+/// [`run`], for tests that need `extra_s` seconds more.
+pub(crate) fn run_longer(tests: &str, extra_s: u64, prepare: impl FnOnce(&Path)) {
     let folder = scratch().join(format!("v4l2-{}", tests.replace("::", "-")));
     // Other runs of the same tests wait.
     let lock = File::create(folder.with_extension("lock")).unwrap();
@@ -30,10 +35,16 @@ pub(crate) fn run(tests: &str, prepare: impl FnOnce(&Path)) {
     copy_program(program(), &share.join("fringeflow"));
     fs::write(share.join("program"), program().as_os_str().as_encoded_bytes()).unwrap();
     prepare(&share);
-    let code = boot(&assets(), &folder, tests);
+    let limit_s = LIMIT_S + extra_s;
+    let code = boot(&assets(), &folder, tests, limit_s);
     let log = fs::read(share.join("tests.log")).unwrap_or_default();
     let log = String::from_utf8_lossy(&log);
-    if let Err(problem) = check_result(code, fs::read_to_string(share.join("result")).ok().as_deref(), &log) {
+    let result = fs::read_to_string(share.join("result")).ok();
+    let checked = match code {
+        Some(TIMED_OUT) => Err(format!("the machine did not end within {limit_s} s")),
+        _ => check_result(code, result.as_deref(), &log),
+    };
+    if let Err(problem) = checked {
         let console = folder.join("console.log");
         panic!("{tests}: {problem}; the console log is {}; output of the tests:\n{log}", console.display());
     }
@@ -44,7 +55,6 @@ pub(crate) fn run(tests: &str, prepare: impl FnOnce(&Path)) {
 /// Checks the result of the guest's tests.
 fn check_result(code: Option<i32>, result: Option<&str>, log: &str) -> Result<(), String> {
     match result.map(str::trim) {
-        _ if code == Some(TIMED_OUT) => Err(format!("the machine did not end within {LIMIT_S} s")),
         None => Err(format!("the machine ended ({code:?}) without a result")),
         // With the name of a removed module, no test would run, successfully.
         Some("0") if log.contains("\nrunning 0 tests\n") => Err("no tests have this name".to_owned()),
@@ -53,7 +63,7 @@ fn check_result(code: Option<i32>, result: Option<&str>, log: &str) -> Result<()
     }
 }
 
-fn boot(assets: &Path, folder: &Path, tests: &str) -> Option<i32> {
+fn boot(assets: &Path, folder: &Path, tests: &str, limit_s: u64) -> Option<i32> {
     let file = |name: &str| format!("file:{}", folder.join(name).display());
     let mount = |path: &Path, tag: &str, more: &str| {
         // QEMU expects a doubled comma in a value.
@@ -62,7 +72,8 @@ fn boot(assets: &Path, folder: &Path, tests: &str) -> Option<i32> {
     };
     // Emulate: hardware virtualization is not always available, and does not always boot this kernel.
     let mut qemu = Command::new("timeout");
-    qemu.args(["--kill-after=5", LIMIT_S, "qemu-system-x86_64", "-machine", "q35", "-accel", "tcg,thread=multi"]);
+    qemu.args(["--kill-after=5", &limit_s.to_string()]);
+    qemu.args(["qemu-system-x86_64", "-machine", "q35", "-accel", "tcg,thread=multi"]);
     qemu.args(["-cpu", "max", "-smp", "2", "-m", "2048", "-nodefaults", "-no-reboot", "-display", "none"]);
     qemu.arg("-serial").arg(file("console.log"));
     qemu.arg("-kernel").arg(assets.join("kernel")).arg("-initrd").arg(assets.join("initramfs"));

@@ -15,7 +15,6 @@ use crate::machine::{SHARE, program};
 /// Objects of the scenes: one window each, with the same rig.
 const OBJECTS: [&str; 3] = ["plane", "tooth", "prism"];
 const FOLDER: &str = "scenes";
-const DEVICE_SCENE: &str = "device";
 /// Size of each camera's images in the scene of a device.
 pub(crate) const DEVICE_SIZE_PX: [usize; 2] = [320, 180];
 /// Steps of a window.
@@ -37,7 +36,15 @@ impl Scene {
     /// The bytes of an image as a device sends it: a raw file, or the grey levels of a PNG.
     pub(crate) fn device_image(&self, folder: &str, step: usize) -> Vec<u8> {
         let raw = self.dataset.join(format!("{folder}/phase_{step:02}.raw"));
-        if raw.exists() { fs::read(raw).unwrap() } else { read_png(&raw.with_extension("png")).0 }
+        if raw.exists() {
+            return fs::read(raw).unwrap();
+        }
+        let (mut bytes, [width, height]) = read_png(&raw.with_extension("png"));
+        if bytes.len() > width as usize * height as usize {
+            // Deep levels are big endian in a PNG, and little endian in the formats of devices.
+            bytes.as_chunks_mut::<2>().0.iter_mut().for_each(|level| level.reverse());
+        }
+        bytes
     }
 
     /// The PLY file of the cloud, with its dataset name replaced by `name`.
@@ -82,10 +89,10 @@ pub(crate) fn make_scenes(share: &Path) {
     }
 }
 
-/// Makes a scene whose images are those of a device with this format. [`device_scene`] finds it.
-pub(crate) fn make_device_scene(share: &Path, format: SourceFormat, layout: Option<StereoLayout>) {
+/// Makes a scene with images of a device with this format. [`of_name`] finds it.
+pub(crate) fn make_device_scene(share: &Path, name: &str, format: SourceFormat, layout: Option<StereoLayout>) {
     let folder = share.join(FOLDER);
-    fs::create_dir(&folder).unwrap();
+    fs::create_dir_all(&folder).unwrap();
     let size = DEVICE_SIZE_PX.map(|side| side.to_string()).join("x");
     let mut options = vec!["--object", "plane", "--size", &size, "--period", "32"];
     if format != SourceFormat::Grey {
@@ -94,27 +101,22 @@ pub(crate) fn make_device_scene(share: &Path, format: SourceFormat, layout: Opti
     if let Some(layout) = layout {
         options.extend(["--stereo-layout", layout.name()]);
     }
-    simulate(&Scene { dataset: folder.join(DEVICE_SCENE) }, &options);
+    simulate(&Scene { dataset: folder.join(name) }, &options);
 }
 
-/// The scene of [`make_device_scene`], in the guest.
-pub(crate) fn device_scene() -> Scene {
-    Scene { dataset: Path::new(SHARE).join(FOLDER).join(DEVICE_SCENE) }
-}
-
-/// Makes a scene with images of another size, for example "80x72". [`of_size`] finds it by the size.
+/// Makes a scene with images of another size, for example "80x72". [`of_name`] finds it by the size.
 pub(crate) fn make_scene_of_size(share: &Path, size: &str) {
     simulate(&Scene { dataset: share.join(FOLDER).join(size) }, &["--object", "plane", "--size", size]);
 }
 
 /// The scenes of [`make_scenes`], in the guest.
 pub(crate) fn all() -> Vec<Scene> {
-    OBJECTS.map(|object| Scene { dataset: Path::new(SHARE).join(FOLDER).join(object) }).into()
+    OBJECTS.map(of_name).into()
 }
 
-/// The scene of [`make_scene_of_size`], in the guest.
-pub(crate) fn of_size(size: &str) -> Scene {
-    Scene { dataset: Path::new(SHARE).join(FOLDER).join(size) }
+/// A scene of [`make_scene_of_size`] or [`make_device_scene`], in the guest.
+pub(crate) fn of_name(name: &str) -> Scene {
+    Scene { dataset: Path::new(SHARE).join(FOLDER).join(name) }
 }
 
 /// Bytes of the pixels of a PNG file, and its width and height.

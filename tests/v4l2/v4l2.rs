@@ -49,6 +49,6 @@ fn the_pipeline_on_loopback_cameras() {
 #[test]
 #[ignore = "by hand, see guest/long_run.rs"]
 fn a_long_run() {
-    let wanted = std::env::var("LONG_RUN").unwrap();
-    machine::run("guest::long_run", |share| guest::make_long_run(share, &wanted));
+    let runs = guest::LongRuns::parse(std::env::var("LONG_RUN").unwrap());
+    machine::run_longer("guest::long_run", runs.limit_s(), |share| runs.make(share));
 }

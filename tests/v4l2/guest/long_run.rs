@@ -1,9 +1,10 @@
-//! A long run, started by hand. The variable `LONG_RUN` has format, seconds, images per second, and the microseconds by
-//! which the period of camera 2 is longer. With an arrangement after the format, one device gives both images:
+//! Long runs, started by hand. The variable `LONG_RUN` lists them, separated by commas. Each has format, seconds, images
+//! per second, and the microseconds by which the period of camera 2 is longer. With an arrangement after the format, one
+//! device gives both images:
 //!
 //! ```text
-//! LONG_RUN="Y10P 60 10 0" cargo test -p fringeflow-command --test v4l2 -- --ignored --nocapture a_long_run
-//! LONG_RUN="YUYV:side-by-side 60 10 0" …
+//! LONG_RUN="Y10P 60 10 0, YUYV:side-by-side 60 10 0" \
+//!     cargo test -p fringeflow-command --test v4l2 -- --ignored --nocapture a_long_run
 //! LONG_RUN="GREY 300 30 33" …     two cameras at 30.00 and 29.97 images per second that run free
 //! ```
 //!
@@ -12,7 +13,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fringeflow_message::{DropReason, Stage};
 use fringeflow_pixels::{DeviceImages, SourceFormat, StereoLayout};
@@ -21,13 +22,20 @@ use crate::machine::SHARE;
 use crate::scenes::{self, Scene};
 use crate::support::Bench;
 
-use super::loopback::{self, BUFFERS, DEVICES, TickingWriter};
+use super::loopback::{self, BUFFERS, DEVICES, Shown, Ticking};
 use super::scanner::configuration;
 
-const FILE: &str = "long_run";
+const FILE: &str = "long_runs";
 
-/// What is run.
+/// All runs, as `LONG_RUN` has them.
+pub(crate) struct LongRuns {
+    text: String,
+    runs: Vec<LongRun>,
+}
+
+/// One run.
 struct LongRun {
+    text: String,
     format: SourceFormat,
     layout: Option<StereoLayout>,
     seconds: u64,
@@ -35,39 +43,33 @@ struct LongRun {
     slower_us: u64,
 }
 
-/// Makes the images in the share. Runs on the host.
-pub(crate) fn make(share: &Path, wanted: &str) {
-    let run = LongRun::parse(wanted);
-    fs::write(share.join(FILE), wanted).unwrap();
-    scenes::make_device_scene(share, run.format, run.layout);
+impl LongRuns {
+    /// Reads the list.
+    pub(crate) fn parse(text: String) -> Self {
+        let runs = text.split(',').map(|run| LongRun::parse(run.trim())).collect();
+        Self { text, runs }
+    }
+
+    /// Time for all runs, seconds, with start and end of each pipeline.
+    pub(crate) fn limit_s(&self) -> u64 {
+        self.runs.iter().map(|run| 2 * run.seconds + 60).sum()
+    }
+
+    /// Makes the images in the share. Runs on the host.
+    pub(crate) fn make(&self, share: &Path) {
+        fs::write(share.join(FILE), &self.text).unwrap();
+        for run in &self.runs {
+            scenes::make_device_scene(share, &run.text, run.format, run.layout);
+        }
+    }
 }
 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn accounts_are_exact() {
-    let run = LongRun::parse(&fs::read_to_string(Path::new(SHARE).join(FILE)).unwrap());
-    let scene = scenes::device_scene();
     let _loopback = loopback::load();
-    let writers: Vec<TickingWriter> =
-        run.folders().iter().zip(0..).map(|(folder, n)| run.write(&scene, folder, n)).collect();
-    let bench = Bench::from_configuration(&run.configuration(&scene));
-    let live = bench.start(&[]);
-    std::thread::sleep(Duration::from_secs(run.seconds));
-    let written: Vec<u64> = writers.into_iter().map(TickingWriter::stop).collect();
-    live.wait_until("the last images are taken", || {
-        let taken = [Stage::Camera1, Stage::Camera2].map(|stage| bench.counts(stage).taken);
-        taken.iter().zip(written.iter().cycle()).all(|(taken, written)| taken == written)
-    });
-    let ended = live.quit();
-    for stage in ["camera1", "camera2", "pairing", "windowing", "phase", "cloud"] {
-        eprintln!("{stage}: {:?}", ended.stage(stage));
-    }
-    eprintln!("written {written:?}; notices of skew: {}", ended.log.matches("cameras.max_skew_us allows").count());
-    ended.assert_balanced();
-    for (camera, written) in ["camera1", "camera2"].into_iter().zip(written.iter().cycle()) {
-        let counts = ended.stage(camera);
-        assert_eq!(counts.taken, *written, "{camera}: {counts:?}");
-        assert_eq!(counts.dropped(DropReason::BadImage), 0, "{camera}: {counts:?}");
+    for run in LongRuns::parse(fs::read_to_string(Path::new(SHARE).join(FILE)).unwrap()).runs {
+        run.check_accounts();
     }
 }
 
@@ -78,11 +80,50 @@ impl LongRun {
         let (format, layout) = images.split_once(':').map_or((images, None), |(format, layout)| (format, Some(layout)));
         let layout = layout.map(|name| StereoLayout::ALL.into_iter().find(|layout| layout.name() == name).unwrap());
         Self {
+            text: text.to_owned(),
             format: format.parse().unwrap(),
             layout,
             seconds: seconds.parse().unwrap(),
             rate_hz: rate_hz.parse().unwrap(),
             slower_us: slower_us.parse().unwrap(),
+        }
+    }
+
+    /// Runs the pipeline on the images, and compares its accounts with what was written.
+    fn check_accounts(&self) {
+        let scene = scenes::of_name(&self.text);
+        let shown: Vec<Shown> =
+            self.folders().iter().zip(DEVICES).map(|(folder, device)| self.show(&scene, folder, device)).collect();
+        let bench = Bench::from_configuration(&self.configuration(&scene));
+        let live = bench.start(&[]);
+        let taken = || [Stage::Camera1, Stage::Camera2].map(|stage| bench.counts(stage).taken);
+        live.wait_until("the first images are taken", || taken() == [1, 1]);
+        let (start, period) = (Instant::now(), Duration::from_secs_f64(1.0 / self.rate_hz));
+        let periods = [period, period + Duration::from_micros(self.slower_us)];
+        let ticking: Vec<Ticking> =
+            shown.into_iter().zip(periods).map(|(shown, period)| shown.tick(start, period)).collect();
+        std::thread::sleep(Duration::from_secs(self.seconds));
+        let written: Vec<u64> = ticking.into_iter().map(Ticking::stop).collect();
+        // On an overloaded machine the last images come late.
+        for _ in 0..60 {
+            if taken().iter().zip(written.iter().cycle()).all(|(taken, written)| taken == written) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(500));
+        }
+        let ended = live.quit();
+        eprintln!("{}: written {written:?}", self.text);
+        for stage in ["camera1", "camera2", "pairing", "windowing", "phase", "correspondence", "cloud"] {
+            eprintln!("{stage}: {:?}", ended.stage(stage));
+        }
+        eprintln!("notices of skew: {}", ended.log.matches("cameras.max_skew_us allows").count());
+        ended.assert_balanced();
+        // Cameras that drift apart may complete no window.
+        assert!(self.slower_us > 0 || ended.stage("cloud").passed > 0, "no cloud");
+        for (camera, written) in ["camera1", "camera2"].into_iter().zip(written.iter().cycle()) {
+            let counts = ended.stage(camera);
+            assert_eq!(counts.taken, *written, "{camera}: {counts:?}");
+            assert_eq!(counts.dropped(DropReason::BadImage), 0, "{camera}: {counts:?}");
         }
     }
 
@@ -95,18 +136,21 @@ impl LongRun {
         if self.images().holds_both_views() { &["both"] } else { &["cam1", "cam2"] }
     }
 
-    /// Writes the images of a folder to device `number`.
-    fn write(&self, scene: &Scene, folder: &str, number: usize) -> TickingWriter {
+    /// Shows the images of a folder on a device.
+    fn show(&self, scene: &Scene, folder: &str, device: &str) -> Shown {
         let size_px = self.images().image_px(scenes::DEVICE_SIZE_PX).unwrap().map(|side| side as u32);
         let images = (0..scenes::STEPS).map(|step| scene.device_image(folder, step)).collect();
-        let period = Duration::from_secs_f64(1.0 / self.rate_hz);
-        let period = period + Duration::from_micros(self.slower_us) * number as u32;
-        TickingWriter::start(DEVICES[number], size_px, self.format.code().to_le_bytes(), images, period)
+        Shown::new(device, size_px, self.format.code().to_le_bytes(), images)
     }
 
     fn configuration(&self, scene: &Scene) -> String {
         let table = |name: &str, device: &str| {
-            format!("[cameras.{name}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n")
+            // The first image stands until all services are ready.
+            let timeout_ms = 60_000;
+            format!(
+                "[cameras.{name}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n\
+                 timeout_ms = {timeout_ms}\n"
+            )
         };
         let layout = self.layout.map_or_else(String::new, |layout| format!("stereo_layout = \"{}\"\n", layout.name()));
         let devices = match self.images().views() {

@@ -10,5 +10,5 @@ mod scanner;
 mod vivid;
 mod witness;
 
-pub(crate) use long_run::make as make_long_run;
+pub(crate) use long_run::LongRuns;
 pub(crate) use loopback::{SIZE_OF_CAMERAS, SIZE_OF_JPEG};

@@ -69,17 +69,18 @@ fn colours_and_mosaics_are_measured_as_completely_as_grey_images() {
         evaluation["com_percent"].as_f64().unwrap()
     };
     let grey = completeness(&simulate(folder.path(), &["--format", "GREY"]));
-    for options in [
-        &["--format", "RGB3"][..],
-        &["--format", "XR24", "--stereo-layout", "top-bottom"],
-        &["--format", "RGGB", "--bayer", "weighted"],
-        &["--format", "BA10", "--bayer", "green"],
-        &["--format", "pBCC", "--bayer", "raw", "--stereo-layout", "side-by-side"],
-        &["--format", "BayerGR12p"],
+    // A grey level of several pixels blurs borders, of which so small an image has many.
+    for (options, most_lost) in [
+        (&["--format", "RGB3"][..], 0.5),
+        (&["--format", "XR24", "--stereo-layout", "top-bottom"], 0.5),
+        (&["--format", "RGGB", "--bayer", "weighted"], 3.0),
+        (&["--format", "BA10", "--bayer", "green"], 3.0),
+        (&["--format", "pBCC", "--bayer", "raw", "--stereo-layout", "side-by-side"], 0.5),
+        (&["--format", "BayerGR12p"], 0.5),
     ] {
         let set = simulate(folder.path(), options);
         let found = completeness(&set);
-        assert!(found > grey - 0.5, "{options:?}: {found} %, grey images {grey} %");
+        assert!(found > grey - most_lost, "{options:?}: {found} %, grey images {grey} %");
         check_recording(&set, &cloud(&set));
     }
 }

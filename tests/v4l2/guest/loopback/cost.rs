@@ -28,7 +28,7 @@ const GAPS: [usize; 8] = [0, 512, 1536, 4096, 3 * 4096, 7 * 4096, 15 * 4096, 31 
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn an_image_costs_little_more_than_its_copy() {
-    let scene = &scenes::of_size(SIZE);
+    let scene = &scenes::of_name(SIZE);
     let _loopback = super::load();
     let (image, size_px) = scene.image(1, 0);
     let mut writer = Writer::open(DEVICES[0], size_px, b"GREY");

@@ -1,7 +1,7 @@
 //! Two cameras that run free at slightly different rates, so that they drift through each other.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fringeflow_message::{DropReason, FrameHeader, Stage, Window};
 use fringeflow_recording::{Content, Recording, Topic};
@@ -10,7 +10,7 @@ use crate::guest::scanner::configuration;
 use crate::scenes;
 use crate::support::Bench;
 
-use super::{BUFFERS, DEVICES, TickingWriter};
+use super::{BUFFERS, DEVICES, Shown, Ticking};
 
 /// Images per second of camera 1. Camera 2 is slower by one per cent: they meet every 100 images.
 const RATE_HZ: f64 = 10.0;
@@ -28,7 +28,7 @@ fn no_pair_beyond_the_limit_passes_and_it_is_told_once() {
         let (_, size_px) = scenes::all()[0].image(camera, 0);
         let images = (0..scenes::STEPS).map(|step| scenes::all()[0].image(camera, step).0).collect();
         let index = camera as usize - 1;
-        TickingWriter::start(DEVICES[index], size_px, *b"GREY", images, PERIODS[index])
+        Shown::new(DEVICES[index], size_px, *b"GREY", images).tick(Instant::now(), PERIODS[index])
     });
     let bench = Bench::from_configuration(&scanner());
     let recording = bench.path("scan.mcap");
@@ -38,7 +38,7 @@ fn no_pair_beyond_the_limit_passes_and_it_is_told_once() {
         [counts.passed, counts.dropped(DropReason::Skewed)].into_iter().all(|images| images / 2 >= ENOUGH_PAIRS)
     });
     let ended = live.quit();
-    let written = writers.map(TickingWriter::stop);
+    let written = writers.map(Ticking::stop);
     ended.assert_balanced();
     let pairing = ended.stage("pairing");
     eprintln!("{written:?} images written; {pairing:?}");

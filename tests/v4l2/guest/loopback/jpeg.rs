@@ -24,7 +24,7 @@ const IMAGES: [&[u8]; 3] = [
 #[test]
 #[ignore = "runs in the virtual machine"]
 fn compressed_images_are_decoded_and_truncated_ones_counted() {
-    let scene = &scenes::of_size(SIZE);
+    let scene = &scenes::of_name(SIZE);
     let _loopback = super::load();
     let mut writer = Writer::open(DEVICES[0], SIZE_PX.map(|side| side as u32), b"MJPG");
     writer.show(IMAGES[0]);

@@ -18,7 +18,7 @@ use crate::scenes::{self, Scene};
 
 pub(crate) use cost::SIZE as SIZE_OF_CAMERAS;
 pub(crate) use jpeg::SIZE as SIZE_OF_JPEG;
-pub(super) use ticking::TickingWriter;
+pub(super) use ticking::{Shown, Ticking};
 
 /// The devices of both cameras.
 pub(super) const DEVICES: [&str; 2] = ["/dev/video10", "/dev/video11"];

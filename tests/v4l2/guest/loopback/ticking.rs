@@ -7,28 +7,33 @@ use std::time::{Duration, Instant};
 
 use super::writer::Writer;
 
+/// Images that a device is to show in turn, the first already shown: readers find a camera only then.
+pub(crate) struct Shown {
+    writer: Writer,
+    images: Vec<Vec<u8>>,
+}
+
 /// Writes images in turn until it is stopped.
-pub(crate) struct TickingWriter {
+pub(crate) struct Ticking {
     is_over: Arc<AtomicBool>,
     thread: JoinHandle<u64>,
 }
 
-impl TickingWriter {
-    /// Opens a device and begins to write.
-    pub(crate) fn start(
-        device: &str,
-        size_px: [u32; 2],
-        format: [u8; 4],
-        images: Vec<Vec<u8>>,
-        period: Duration,
-    ) -> Self {
+impl Shown {
+    /// Opens a device and shows the first image.
+    pub(crate) fn new(device: &str, size_px: [u32; 2], format: [u8; 4], images: Vec<Vec<u8>>) -> Self {
         let mut writer = Writer::open(device, size_px, &format);
-        // Readers find a camera only after its first image.
         writer.show(&images[0]);
+        Self { writer, images }
+    }
+
+    /// Writes the next images, each `period` after the one before, as if the first had been written at `start`.
+    pub(crate) fn tick(self, start: Instant, period: Duration) -> Ticking {
+        let Self { mut writer, images } = self;
         let is_over = Arc::new(AtomicBool::new(false));
         let of_thread = Arc::clone(&is_over);
         let thread = std::thread::spawn(move || {
-            let (start, mut written) = (Instant::now(), 1_u64);
+            let mut written = 1_u64;
             while !of_thread.load(Ordering::Relaxed) {
                 // From the start, so that delays do not add up.
                 let due = start + Duration::from_nanos(period.as_nanos() as u64 * written);
@@ -38,9 +43,11 @@ impl TickingWriter {
             }
             written
         });
-        Self { is_over, thread }
+        Ticking { is_over, thread }
     }
+}
 
+impl Ticking {
     /// Ends writing. Returns the number of images that were written.
     pub(crate) fn stop(self) -> u64 {
         self.is_over.store(true, Ordering::Relaxed);
