@@ -326,7 +326,8 @@ mod tests {
             let step = f64::from(to.wrapping_sub(from) as i16);
             (from != NONE && to != NONE && step.abs() <= f64::from(MAX_NEIGHBOUR_STEP)).then_some(step)
         };
-        let is_like = |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| (a - b).abs() <= 6000.0);
+        let is_like =
+            |a: Option<f64>, b: Option<f64>| a.zip(b).is_some_and(|(a, b)| (a - b).abs() <= f64::from(MAX_TWIST));
         let [right, below] = place.map(|parts| f64::from(parts & (PARTS - 1)) / f64::from(PARTS));
         let (top, bottom) = (step([u, v], [u + 1, v]), step([u, v + 1], [u + 1, v + 1]));
         let (at_left, at_right) = (step([u, v], [u, v + 1]), step([u + 1, v], [u + 1, v + 1]));

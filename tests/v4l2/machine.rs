@@ -40,11 +40,7 @@ pub(crate) fn run_longer(tests: &str, extra_s: u64, prepare: impl FnOnce(&Path))
     let log = fs::read(share.join("tests.log")).unwrap_or_default();
     let log = String::from_utf8_lossy(&log);
     let result = fs::read_to_string(share.join("result")).ok();
-    let checked = match code {
-        Some(TIMED_OUT) => Err(format!("the machine did not end within {limit_s} s")),
-        _ => check_result(code, result.as_deref(), &log),
-    };
-    if let Err(problem) = checked {
+    if let Err(problem) = check_result(code, limit_s, result.as_deref(), &log) {
         let console = folder.join("console.log");
         panic!("{tests}: {problem}; the console log is {}; output of the tests:\n{log}", console.display());
     }
@@ -53,8 +49,9 @@ pub(crate) fn run_longer(tests: &str, extra_s: u64, prepare: impl FnOnce(&Path))
 }
 
 /// Checks the result of the guest's tests.
-fn check_result(code: Option<i32>, result: Option<&str>, log: &str) -> Result<(), String> {
+fn check_result(code: Option<i32>, limit_s: u64, result: Option<&str>, log: &str) -> Result<(), String> {
     match result.map(str::trim) {
+        _ if code == Some(TIMED_OUT) => Err(format!("the machine did not end within {limit_s} s")),
         None => Err(format!("the machine ended ({code:?}) without a result")),
         // With the name of a removed module, no test would run, successfully.
         Some("0") if log.contains("\nrunning 0 tests\n") => Err("no tests have this name".to_owned()),

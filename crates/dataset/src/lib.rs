@@ -109,15 +109,15 @@ pub const CALIBRATION_FILE: &str = "calibration.yml";
 pub const EXACT_CALIBRATION_FILE: &str = "calibration_exact.yml";
 /// Name of the description in a dataset folder.
 pub const META_FILE: &str = "meta.json";
-/// Name of the folder with the images of a camera, or with images that hold the views of both.
-fn image_folder_name(source: Option<DeviceImages>, camera: CameraId) -> &'static str {
-    if source.is_some_and(|images| images.holds_both_views()) { FOLDER_OF_BOTH } else { camera.folder() }
-}
-
 /// Name of the folder with images that hold the views of both cameras.
 const FOLDER_OF_BOTH: &str = "both";
 /// Name of the ground truth in a dataset folder.
 pub const TRUTH_FILE: &str = "truth.npz";
+
+/// Name of the folder with the images of a camera, or with images that hold the views of both.
+fn image_folder_name(source: Option<DeviceImages>, camera: CameraId) -> &'static str {
+    if source.is_some_and(|images| images.holds_both_views()) { FOLDER_OF_BOTH } else { camera.folder() }
+}
 
 impl Dataset {
     /// Opens a folder: reads and checks `meta.json` and the calibration, and checks that all images exist.

@@ -30,7 +30,7 @@ const MIN_SD_OF_OPEN: f64 = 1.05;
 /// Variance of z that a plane may leave of such a strip at rest, unless z scatters by more than it may over a surface.
 /// Measured over teeth in 16 images: 2.3 to 4.4 with an sd of 1.9 to 2.6; over strips 0.4 to 1.7. Motion scatters z over
 /// both.
-const MAX_REST: f64 = 1.8;
+const MAX_VARIANCE_LEFT: f64 = 1.8;
 const MAX_SD_OF_CURVED: f64 = 3.4;
 /// Share of the ends on a side beyond which the phase continues.
 const OPEN_SHARE: f64 = 0.5;
@@ -150,7 +150,7 @@ impl Moments {
         // A surface ends where its phase does. A region that ends elsewhere ends because δ failed the test.
         let is_bounded_wrongly = if self.count > large { is_wide_open } else { is_open(0) || is_open(1) };
         let runs_through = r2 > MIN_R2 && sd > MIN_SD && is_bounded_wrongly;
-        let is_curved = at_rest && (1.0 - r2) * sd * sd > MAX_REST && sd < MAX_SD_OF_CURVED;
+        let is_curved = at_rest && (1.0 - r2) * sd * sd > MAX_VARIANCE_LEFT && sd < MAX_SD_OF_CURVED;
         let runs_evenly = r2 > MIN_R2_OF_OPEN && sd > MIN_SD_OF_OPEN && !is_curved;
         runs_through || (is_wide_open && runs_evenly && self.count <= large)
     }

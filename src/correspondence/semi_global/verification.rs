@@ -64,7 +64,7 @@ const SURE_VARIANCE: f32 = 12.0;
 const SURE_MOTION_RAD: f32 = 1.5;
 const SURE_SHARE: f64 = 0.2;
 /// Phase that a scene at rest seems to move during a window, rad, by noise.
-const REST_RAD: f32 = 0.25;
+const MOST_AT_REST_RAD: f32 = 0.25;
 /// Handicap of such a region: every region that δ supports takes its places in C2.
 const UNSUPPORTED_NATS: f32 = 20.0;
 /// Median of the square of a normal number of variance 1.
@@ -190,7 +190,7 @@ impl Verification<'_> {
     fn measure_regions(&self, scratch: &mut VerificationScratch, surfaces: &surfaces::Scratch) {
         let VerificationScratch { regions, per_region, strips, .. } = scratch;
         let (regions, z) = (&*regions, &self.selection.z);
-        let at_rest = moved_rad(self.scene.view.cam1) <= REST_RAD;
+        let at_rest = moved_rad(self.scene.view.cam1) <= MOST_AT_REST_RAD;
         rayon::join(|| self.find_leads(regions, per_region), || strips.find(self.width, regions, z, surfaces, at_rest));
     }
 

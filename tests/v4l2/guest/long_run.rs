@@ -20,9 +20,9 @@ use fringeflow_pixels::{DeviceImages, SourceFormat, StereoLayout};
 
 use crate::machine::SHARE;
 use crate::scenes::{self, Scene};
-use crate::support::Bench;
+use crate::support::{Bench, wait_until};
 
-use super::loopback::{self, BUFFERS, DEVICES, Shown, Ticking};
+use super::loopback::{self, DEVICES, Shown, Ticking, camera_table};
 use super::scanner::configuration;
 
 const FILE: &str = "long_runs";
@@ -104,13 +104,8 @@ impl LongRun {
             shown.into_iter().zip(periods).map(|(shown, period)| shown.tick(start, period)).collect();
         std::thread::sleep(Duration::from_secs(self.seconds));
         let written: Vec<u64> = ticking.into_iter().map(Ticking::stop).collect();
-        // On an overloaded machine the last images come late.
-        for _ in 0..60 {
-            if taken().iter().zip(written.iter().cycle()).all(|(taken, written)| taken == written) {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(500));
-        }
+        // The last images may come late. If some never come, the counts are printed before the test fails.
+        let _ = wait_until(|| taken().iter().zip(written.iter().cycle()).all(|(taken, written)| taken == written));
         let ended = live.quit();
         eprintln!("{}: written {written:?}", self.text);
         for stage in ["camera1", "camera2", "pairing", "windowing", "phase", "correspondence", "cloud"] {
@@ -144,14 +139,8 @@ impl LongRun {
     }
 
     fn configuration(&self, scene: &Scene) -> String {
-        let table = |name: &str, device: &str| {
-            // The first image stands until all services are ready.
-            let timeout_ms = 60_000;
-            format!(
-                "[cameras.{name}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n\
-                 timeout_ms = {timeout_ms}\n"
-            )
-        };
+        // The first image stands until all services are ready.
+        let table = |name: &str, device: &str| camera_table(name, device, "timeout_ms = 60000");
         let layout = self.layout.map_or_else(String::new, |layout| format!("stereo_layout = \"{}\"\n", layout.name()));
         let devices = match self.images().views() {
             2 => table("both", DEVICES[0]),

@@ -10,7 +10,7 @@ use crate::guest::scanner::configuration;
 use crate::scenes;
 use crate::support::Bench;
 
-use super::{BUFFERS, DEVICES, Shown, Ticking};
+use super::{DEVICES, Shown, Ticking, camera_table};
 
 /// Images per second of camera 1. Camera 2 is slower by one per cent: they meet every 100 images.
 const RATE_HZ: f64 = 10.0;
@@ -56,11 +56,9 @@ fn no_pair_beyond_the_limit_passes_and_it_is_told_once() {
 }
 
 fn scanner() -> String {
-    let camera = |number: usize| {
-        let device = DEVICES[number - 1];
-        format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n")
-    };
-    let cameras = format!("rate_hz = {RATE_HZ:.1}\n{}{}", camera(1), camera(2));
+    let [cam1, cam2] =
+        [("cam1", DEVICES[0]), ("cam2", DEVICES[1])].map(|(name, device)| camera_table(name, device, ""));
+    let cameras = format!("rate_hz = {RATE_HZ:.1}\n{cam1}{cam2}");
     configuration(&scenes::all()[0], &cameras, "phase_maps = true\n[window]\nevery = 1\n")
 }
 

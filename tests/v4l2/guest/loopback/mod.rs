@@ -37,17 +37,18 @@ pub(super) fn load() -> Driver {
 
 /// A scanner with the rig of a scene that uses every image once. `settings` are appended to the table of each camera.
 fn scanner(scene: &Scene, format: &str, settings: &str) -> String {
-    let camera = |number: usize| {
-        let device = DEVICES[number - 1];
-        format!("[cameras.cam{number}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{settings}\n")
-    };
     // Both images of a pair are written one after the other, and this machine may pause in between.
     let max_skew_us = 4e5 / RATE_HZ;
     let cameras = format!(
         "rate_hz = {RATE_HZ:.1}\nmax_skew_us = {max_skew_us:.1}\nformat = \"{format}\"\n{}{}",
-        camera(1),
-        camera(2)
+        camera_table("cam1", DEVICES[0], settings),
+        camera_table("cam2", DEVICES[1], settings)
     );
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
     configuration(scene, &cameras, &rest)
+}
+
+/// The table of a camera, `cam1`, `cam2` or `both`, with further keys.
+pub(super) fn camera_table(name: &str, device: &str, settings: &str) -> String {
+    format!("[cameras.{name}]\ndevice = \"{device}\"\nset_rate = false\nbuffers = {BUFFERS}\n{settings}\n")
 }

@@ -8,7 +8,7 @@ use crate::scenes;
 use crate::support::Bench;
 
 use super::feeder::Feeder;
-use super::{BUFFERS, DEVICES, RATE_HZ, pipeline};
+use super::{DEVICES, RATE_HZ, camera_table, pipeline};
 
 #[test]
 #[ignore = "runs in the virtual machine"]
@@ -59,11 +59,8 @@ fn a_device_is_checked_for_the_size_of_both_views() {
 
 /// A scanner whose only device is that of [`Feeder::side_by_side`].
 fn scanner(layout: &str) -> String {
-    let device = DEVICES[0];
-    let cameras = format!(
-        "rate_hz = {RATE_HZ:.1}\n{layout}\n[cameras.both]\ndevice = \"{device}\"\nset_rate = false\n\
-         buffers = {BUFFERS}\ntrigger = \"external\"\n"
-    );
+    let both = camera_table("both", DEVICES[0], "trigger = \"external\"");
+    let cameras = format!("rate_hz = {RATE_HZ:.1}\n{layout}\n{both}");
     let rest = format!("[window]\nevery = {}\nwhen_busy = \"wait\"\n", scenes::STEPS);
     configuration(&scenes::all()[0], &cameras, &rest)
 }
