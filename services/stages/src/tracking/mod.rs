@@ -1,7 +1,8 @@
 //! The tracking service: clouds in, poses of the scanner and the growing model out.
 //!
-//! It takes the newest cloud, and counts the clouds that arrived while it worked, so it never delays the clouds unless
-//! the configuration wants no window lost. A cloud that is not found on the model is reported as lost, without a pose.
+//! It takes the newest cloud, and counts the clouds that arrived while it worked, so it never delays the clouds. If the
+//! configuration wants no window lost, it takes every cloud, and the stages before wait for it. A cloud that is not
+//! found on the model is reported as lost, without a pose.
 
 mod model_publisher;
 
@@ -36,15 +37,15 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     loop {
         // Read before the channel is emptied, so that the last cloud is processed too.
         let is_last = host.stop.is_requested();
-        let newest = stage.receive_newest(&mut clouds)?;
-        let is_idle = newest.is_none();
-        if let Some(cloud) = newest {
+        let next = stage.receive_next(&mut clouds, host.configuration.wait_when_busy)?;
+        let is_idle = next.is_none();
+        if let Some(cloud) = next {
             let header = cloud.header();
             let span = WindowSpan::new(Stage::Tracking, header.published);
             span.identify(&header.window);
             span.work(|| stage.track(cloud, &mut host))?;
         }
-        if is_last {
+        if is_last && is_idle {
             break;
         }
         if host.is_heartbeat_due() {
@@ -105,20 +106,26 @@ impl TrackingStage {
         })
     }
 
-    /// Returns the newest waiting cloud; the clouds before it are dropped.
-    fn receive_newest(
+    /// Returns the newest waiting cloud; the clouds before it are dropped. If every cloud `is_kept`, the oldest is
+    /// returned and the others wait: the next cloud may be sent as soon as this one is counted.
+    fn receive_next(
         &mut self,
         clouds: &mut Subscriber<CloudHeader, [u8]>,
+        is_kept: bool,
     ) -> Result<Option<Received<CloudHeader, [u8]>>, ServiceError> {
-        let mut newest = None;
+        let mut next = None;
         while let Some(cloud) = receive(clouds) {
-            if self.account.count_arrival_with(CLOUD_SOURCE, cloud.header().published, DropReason::Thinned)?
-                && newest.replace(cloud).is_some()
-            {
+            if !self.account.count_arrival_with(CLOUD_SOURCE, cloud.header().published, DropReason::Thinned)? {
+                continue;
+            }
+            if next.replace(cloud).is_some() {
                 self.account.drop_one(DropReason::Thinned)?;
             }
+            if is_kept {
+                break;
+            }
         }
-        Ok(newest)
+        Ok(next)
     }
 
     fn track(&mut self, cloud: Received<CloudHeader, [u8]>, host: &mut Host) -> Result<(), ServiceError> {
