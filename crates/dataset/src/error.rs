@@ -7,6 +7,8 @@ use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
 use fringeflow_pixels::SourceFormat;
 
+use crate::FOLDER_OF_BOTH;
+
 /// An error about a dataset folder: the file and what is wrong with it.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
@@ -86,6 +88,15 @@ pub enum Problem {
     /// The same image exists twice.
     #[error("exists as .png and as .raw; remove one of them")]
     TwoFiles,
+    /// The folder with the images of a camera does not exist.
+    #[error("is not a folder; it holds the images of a camera, phase_00.png and so on")]
+    NoCameraFolder,
+    /// The folder with the images of a camera does not exist, but one with images of both views.
+    #[error(
+        "is not a folder, but {FOLDER_OF_BOTH}/ is; if its images hold the views of both cameras, add the field source \
+         to meta.json, as in \"source\": {{ \"format\": \"GREY\", \"stereo_layout\": \"side-by-side\" }}"
+    )]
+    NoSourceOfBoth,
     /// The folder with the images of both views does not exist.
     #[error("is not a folder; field source of meta.json says that each image holds the views of both cameras")]
     NoFolderOfBoth,

@@ -252,6 +252,17 @@ impl Dataset {
         self.folder.join(image_folder_name(self.setup.source, camera))
     }
 
+    /// Why a folder with images does not exist.
+    fn why_no_images(&self) -> Problem {
+        if self.setup.source.is_some_and(|images| images.holds_both_views()) {
+            Problem::NoFolderOfBoth
+        } else if self.folder.join(FOLDER_OF_BOTH).is_dir() {
+            Problem::NoSourceOfBoth
+        } else {
+            Problem::NoCameraFolder
+        }
+    }
+
     fn image_files<'a>(&self, folder: &'a Path) -> ImageFiles<'a> {
         ImageFiles { folder, may_be_raw: self.setup.source.is_some() }
     }
@@ -263,9 +274,7 @@ impl Dataset {
         for camera in CameraId::BOTH {
             let folder = self.image_folder(camera);
             if !folder.is_dir() {
-                let holds_both = folder.ends_with(FOLDER_OF_BOTH);
-                let problem = if holds_both { Problem::NoFolderOfBoth } else { Problem::NotAFolder };
-                return Err(DatasetError::new(&folder, problem));
+                return Err(DatasetError::new(&folder, self.why_no_images()));
             }
             let files = self.image_files(&folder);
             for (sequence, phase, gray) in directions {

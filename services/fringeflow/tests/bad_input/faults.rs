@@ -36,7 +36,7 @@ const OTHER_SIZE: [u32; 2] = [SIZE_PX[0] as u32 / 2, SIZE_PX[1] as u32];
 const SAME_SIZE: [u32; 2] = [SIZE_PX[0] as u32, SIZE_PX[1] as u32];
 
 pub(crate) const FAULTS: &[Fault] = &[
-    fault("missing folder", remove_dataset, "/set: ", ""),
+    fault("missing folder", remove_folder, "/set: ", ""),
     fault("missing calibration", |f| remove_file(f, "calibration.yml"), "calibration.yml", "cannot be read"),
     fault("missing description", |f| remove_file(f, "meta.json"), "meta.json", "cannot be read"),
     fault("missing image", |f| remove_file(f, PHASE_IMAGE), PHASE_IMAGE, "is missing"),
@@ -90,6 +90,8 @@ pub(crate) const FAULTS: &[Fault] = &[
         "set/both",
         "both cameras",
     ),
+    fault("images of both views without a format", add_images_of_both, "set/cam1", "add the field source"),
+    fault("missing camera", |f| remove_folder(&f.join("cam2")), "set/cam2", "images of a camera"),
     fault("depth beside a source", set_bits_and_source, META, "field bits: is 12, but the depth follows from"),
     fault("an image in two files", add_second_file, "cam1/phase_00", "exists as .png and as .raw"),
     Fault {
@@ -149,7 +151,7 @@ const fn image_fault(name: &'static str, damage: fn(&Path), says: &'static str) 
     Fault { name, found_in: FoundIn::Images, damage, file: PHASE_IMAGE, says }
 }
 
-fn remove_dataset(folder: &Path) {
+fn remove_folder(folder: &Path) {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
@@ -197,6 +199,12 @@ fn add_field(folder: &Path, field: &str, value: serde_json::Value) {
 
 fn add_raw_image(folder: &Path) {
     std::fs::rename(folder.join("cam1/phase_00.png"), folder.join("cam1/phase_00.raw")).unwrap();
+}
+
+/// Puts images of both views in place of those of the cameras.
+fn add_images_of_both(folder: &Path) {
+    std::fs::rename(folder.join("cam1"), folder.join("both")).unwrap();
+    remove_folder(&folder.join("cam2"));
 }
 
 fn add_second_file(folder: &Path) {
