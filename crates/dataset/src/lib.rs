@@ -114,9 +114,14 @@ const FOLDER_OF_BOTH: &str = "both";
 /// Name of the ground truth in a dataset folder.
 pub const TRUTH_FILE: &str = "truth.npz";
 
+/// Whether each image holds the views of both cameras.
+fn holds_both_views(source: Option<DeviceImages>) -> bool {
+    source.is_some_and(|images| images.holds_both_views())
+}
+
 /// Name of the folder with the images of a camera, or with images that hold the views of both.
 fn image_folder_name(source: Option<DeviceImages>, camera: CameraId) -> &'static str {
-    if source.is_some_and(|images| images.holds_both_views()) { FOLDER_OF_BOTH } else { camera.folder() }
+    if holds_both_views(source) { FOLDER_OF_BOTH } else { camera.folder() }
 }
 
 impl Dataset {
@@ -254,7 +259,7 @@ impl Dataset {
 
     /// Why a folder with images does not exist.
     fn why_no_images(&self) -> Problem {
-        if self.setup.source.is_some_and(|images| images.holds_both_views()) {
+        if holds_both_views(self.setup.source) {
             Problem::NoFolderOfBoth
         } else if self.folder.join(FOLDER_OF_BOTH).is_dir() {
             Problem::NoSourceOfBoth
