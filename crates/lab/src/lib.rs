@@ -3,6 +3,7 @@
 //! ```text
 //!  simulation ─► dataset, images, truth ─► (the method) ─► cloud ─► evaluation ─► com, miss, fpc, 3D error
 //!  paper_experiment: the tables of the paper, measured with both
+//!  scene_lists: two lists of hundreds of scenes, to build the method and to judge it
 //!  rig_report: what a rig can be expected to do       preview: pictures of phase, depth, decisions and δ
 //! ```
 //!
@@ -23,4 +24,5 @@ pub mod evaluation;
 pub mod paper_experiment;
 pub mod preview;
 pub mod rig_report;
+pub mod scene_lists;
 pub mod simulation;

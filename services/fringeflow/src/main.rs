@@ -1,6 +1,7 @@
 //! The `fringeflow` command: reads arguments, calls the library, maps the outcome to an exit code.
 
 mod acting_options;
+mod calibrated_rig;
 mod commands;
 mod failure;
 mod globals;

@@ -1,8 +1,9 @@
-//! A hand in front of the measurement volume. It hides and shadows objects behind it, and is never measured.
+//! A hand. In front of the measurement volume it hides and shadows objects behind it, and is never measured. There is
+//! also a small one as an object.
 //!
 //! It reaches in from the right with spread fingers. Its frame is that of the object (x right, y up, z towards the
-//! sensor), shifted so that the hand lies on z = 0, [`GAP_MM`] in front of the near face of the volume. Lengths are in
-//! millimetres.
+//! sensor), shifted so that the hand lies on z = 0; in front of the volume, [`GAP_MM`] before its near face. Lengths are
+//! in millimetres.
 
 use fringeflow::geometry::{MeasurementVolume, Point3, Pose};
 
@@ -40,13 +41,17 @@ const SKIN: Material = Material { brightness: 0.56, gloss: 0.0 };
 impl Hand {
     /// Creates the hand in front of a volume.
     pub(super) fn in_front_of(volume: &MeasurementVolume, volume_from_object: &Pose) -> Self {
-        let at = |[x, y]: [f64; 2], z: f64| PointMm::new(x, y, z);
         let near_face = Point3::new(0.0, 0.0, volume.min().z - GAP_MM / MM_PER_M);
+        Self::at(volume_from_object.inverse_transform_point(&near_face).coords * MM_PER_M)
+    }
+
+    /// Creates the hand with the origin of its frame at `origin`, in the frame of the object.
+    pub(super) fn at(origin: PointMm) -> Self {
+        let at = |[x, y]: [f64; 2], z: f64| PointMm::new(x, y, z);
         let finger = |(root, tip)| RoundCone::new((at(root, AXIS_Z), ROOT_RADIUS), (at(tip, AXIS_Z), TIP_RADIUS));
         let (low, high) = PALM;
         let palm = RoundCone::new((at(low, PALM_RADIUS), PALM_RADIUS), (at(high, PALM_RADIUS), PALM_RADIUS));
         let [a, b, c, d, thumb] = FINGERS.map(finger);
-        let origin = volume_from_object.inverse_transform_point(&near_face).coords * MM_PER_M;
         Self { origin, bones: [palm, a, b, c, d, thumb] }
     }
 }

@@ -18,6 +18,7 @@
 mod alignment;
 mod board;
 mod calibration_error;
+mod coated_solid;
 mod colour_filter;
 mod configured;
 mod covered_camera;
@@ -33,6 +34,7 @@ mod object;
 mod packing;
 mod pose_images;
 mod projected;
+mod projector_place;
 mod ray;
 mod rig;
 mod scaled_solid;
@@ -138,6 +140,30 @@ pub enum SimulationError {
     BoardAtDevice {
         /// Distance between the board and the nearest device, millimetres; negative if the device is behind the board.
         sight_mm: f64,
+    },
+    /// The projector does not stand before the measurement volume.
+    #[error(
+        "the projector at {}, {}, {} mm stands {gap_mm:.0} mm before the measurement volume; keep at least {least_mm} \
+         mm, with a smaller Z",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    ProjectorAtVolume {
+        /// Its place in the frame of C1, millimetres.
+        at_mm: [f64; 3],
+        /// Its distance from the near face of the volume, millimetres; negative behind it.
+        gap_mm: f64,
+        /// The smallest distance, millimetres.
+        least_mm: f64,
+    },
+    /// The projector would look along its columns.
+    #[error(
+        "the projector at {}, {}, {} mm would look at the volume along its own columns, which then have no direction; \
+         move it out of their line, with another X or Y",
+        at_mm[0], at_mm[1], at_mm[2]
+    )]
+    ProjectorAlongColumns {
+        /// Its place in the frame of C1, millimetres.
+        at_mm: [f64; 3],
     },
     /// No size of the object fills this share of the image.
     #[error(

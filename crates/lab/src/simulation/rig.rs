@@ -11,6 +11,8 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
 
 use super::calibration_error::{self, CalibrationDeviation, Draws};
+use super::projector_place::with_projector_at;
+use super::solid::MM_PER_M;
 use super::{SimulationError, check_range};
 
 /// Arrangement of cameras and projector. The default is [`Arrangement::TABLE_TOP`].
@@ -24,6 +26,8 @@ pub struct Arrangement {
     pub projector_place: f64,
     /// Height of the projector above the base, metres.
     pub projector_height_m: f64,
+    /// Rotation of the projector about its line of sight, which tilts the columns against the base, rad.
+    pub projector_roll_rad: f64,
     /// Focal length of the cameras for an image of 640 × 512 pixels, pixels.
     pub camera_focal_px: f64,
     /// Focal length of the projector, pixels.
@@ -40,6 +44,7 @@ impl Arrangement {
         distance_m: 0.305,
         projector_place: 0.38,
         projector_height_m: 0.055,
+        projector_roll_rad: 0.011,
         camera_focal_px: 1840.0,
         projector_focal_px: 3420.0,
         distorted: true,
@@ -78,6 +83,9 @@ pub struct RigOptions {
     pub given: Option<GivenRig>,
     /// Arrangement of cameras and projector.
     pub arrangement: Arrangement,
+    /// Where the centre of the projector stands instead, in the frame of C1, millimetres. It is aimed at the middle of
+    /// the volume. `None` for the place of the arrangement or of the given rig.
+    pub projector_at_mm: Option<[f64; 3]>,
     /// Width and height of the camera images, pixels.
     pub size_px: [usize; 2],
     /// Depth of the measurement volume, metres. The volume is 100 mm × 80 mm wide.
@@ -100,7 +108,21 @@ impl RigOptions {
     pub const fn usual(depth_m: f64) -> Self {
         let arrangement = Arrangement::TABLE_TOP;
         let (size_px, period_px, sd_rad) = ([640, 512], 16.0, 0.041);
-        Self { given: None, arrangement, size_px, depth_m, period_px, sd_rad, lens_error: 0.0, seed: 1 }
+        let (given, projector_at_mm, lens_error, seed) = (None, None, 0.0, 1);
+        Self { given, arrangement, projector_at_mm, size_px, depth_m, period_px, sd_rad, lens_error, seed }
+    }
+
+    /// The fringes of a projector without a pattern of its own.
+    #[must_use]
+    pub fn pattern(&self) -> FringePattern {
+        // The phase is zero at the left border of column 0, half a pixel before its centre.
+        FringePattern { period_px: self.period_px, sign: 1.0, offset_rad: PI / self.period_px }
+    }
+
+    /// Whether the projector is as far from the volume as in the built-in rig.
+    pub(super) fn has_usual_light(&self) -> bool {
+        let is_built_in = self.given.is_none() && self.projector_at_mm.is_none();
+        is_built_in && self.arrangement.distance_m == Arrangement::TABLE_TOP.distance_m
     }
 
     /// These options with a rig of the user.
@@ -141,6 +163,8 @@ const MAX_DEPTH_MM: f64 = 300.0;
 const MAX_GIVEN_DEPTH_MM: f64 = 2000.0;
 /// Largest relative errors of k2, p1 and p2.
 const MAX_LENS_ERROR: f64 = 10.0;
+/// Distance of the projector of [`Arrangement::TABLE_TOP`] from the middle of the volume, rounded, millimetres.
+const USUAL_DISTANCE_MM: f64 = 310.0;
 /// Half the width and height of the measurement volume, metres.
 const VOLUME_HALF_M: [f64; 2] = [0.05, 0.04];
 
@@ -162,10 +186,12 @@ impl VirtualRig {
             Some(given) => (given.rig, given.centred_volume()?, given.pattern),
             None => {
                 let (rig, volume) = exact_rig(&options.arrangement, options.size_px, options.depth_m)?;
-                // The phase is zero at the left border of column 0, half a pixel before its centre.
-                let offset_rad = PI / options.period_px;
-                (rig, volume, FringePattern { period_px: options.period_px, sign: 1.0, offset_rad })
+                (rig, volume, options.pattern())
             }
+        };
+        let exact = match options.projector_at_mm {
+            Some(at_mm) => with_projector_at(&exact, &exact_volume, at_mm)?,
+            None => exact,
         };
         let draws = Draws::new(options.seed, options.lens_error);
         let drawn = calibration_error::draw(&exact, &exact_volume, &columns, options.sd_rad, draws)?;
@@ -180,6 +206,12 @@ impl VirtualRig {
             rows: columns,
             deviation: drawn.deviation,
         })
+    }
+
+    /// Light that the projector sends to the middle of the volume, relative to that of the built-in rig.
+    pub(super) fn light(&self) -> f64 {
+        let target = self.exact_volume.cam1_from_volume() * Point3::origin();
+        (USUAL_DISTANCE_MM / ((target - self.exact.centre_of_projector()).norm() * MM_PER_M)).powi(2)
     }
 
     /// Number of Gray-code images that distinguish all half periods of the display.
@@ -237,7 +269,7 @@ fn exact_rig(
     let across = above - base * (above.dot(&base) / base.norm_squared());
     let cam1 = looking_at_centre(centre1, 0.006);
     let cam2 = looking_at_centre(centre1 + base, -0.009);
-    let projector = looking_at_centre(centre1 + base * a.projector_place + across, 0.011);
+    let projector = looking_at_centre(centre1 + base * a.projector_place + across, a.projector_roll_rad);
     let lens = |coefficients: [f64; 5]| {
         if a.distorted { Distortion::from_opencv(&coefficients) } else { Distortion::default() }
     };

@@ -11,6 +11,7 @@ use fringeflow::geometry::{MeasurementVolume, Point3, Pose, Rig, Vector3};
 
 use super::SimulationError;
 use super::board::{Board, BoardPlane};
+use super::coated_solid::CoatedSolid;
 use super::hand::Hand;
 use super::object::Object;
 use super::scaled_solid::ScaledSolid;
@@ -37,6 +38,8 @@ pub struct Scene {
     cam1_from_object: Pose,
 }
 
+/// Mean albedo of plaster.
+pub(super) const PLASTER_ALBEDO: f64 = 0.8;
 /// Gap between the board and the far side of the default volume of the object, metres.
 const BOARD_GAP_M: f64 = 0.0005;
 /// Minimum distance of cameras and projector from a board, millimetres.
@@ -67,6 +70,11 @@ impl Scene {
     /// Returns the scene with its object, which is `object`, scaled by a factor about its foot.
     pub(super) fn scaled(self, object: Object, factor: f64) -> Self {
         Self { solid: Arc::new(ScaledSolid { solid: object.solid(), factor }), ..self }
+    }
+
+    /// Returns the scene with a coat on its object: see [`CoatedSolid::new`].
+    pub(super) fn coated(self, albedo: Option<f64>, gloss: f64) -> Self {
+        Self { solid: Arc::new(CoatedSolid::new(self.solid.clone(), albedo, gloss)), ..self }
     }
 
     /// Returns the scene with a hand in front of the measurement volume.
@@ -140,7 +148,7 @@ impl Scene {
     pub(super) fn albedo(&self, surface: Surface, material: Material, p: &PointMm) -> f64 {
         let waves = |scale: f64| (p.x / scale + 0.7).sin() * (p.y / scale * 0.9 - 0.4).sin() + (p.z / scale).cos();
         match surface {
-            Surface::Object | Surface::Hand => material.brightness * (0.80 + 0.035 * waves(9.0)),
+            Surface::Object | Surface::Hand => material.brightness * (PLASTER_ALBEDO + 0.035 * waves(9.0)),
             Surface::Board => self.board.map_or(0.0, |board| board.albedo(waves(14.0))),
         }
     }

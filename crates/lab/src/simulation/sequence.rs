@@ -6,6 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use fringeflow::calibration::Unit;
+use fringeflow::correspondence::{SegmentTable, SegmentTableError};
 use fringeflow::geometry::Readout;
 use fringeflow::phase::GrayCode;
 use fringeflow_base::false_candidates::expected_false_candidates;
@@ -49,6 +50,8 @@ pub struct SimulationOptions {
     pub images: DeviceImages,
     /// Exponent of the projector, 1 for a linear one.
     pub gamma: f64,
+    /// Exposure of the cameras, relative to one in which bright parts in the middle of the volume do not saturate.
+    pub exposure: f64,
     /// Samples along each side of a pixel, 1 to 4.
     pub supersampling: usize,
     /// Seed of the noise.
@@ -70,6 +73,7 @@ impl SimulationOptions {
             noise: NoiseLevel::Normal,
             images: DeviceImages::default(),
             gamma: 1.0,
+            exposure: 1.0,
             supersampling: 2,
             seed: 1,
         }
@@ -108,9 +112,12 @@ pub struct Simulation {
 }
 
 /// Unit of simulated datasets.
-pub(super) const UNIT: Unit = Unit::Millimetre;
+pub(super) const UNIT: Unit = Simulation::TRUTH_UNIT;
 
 impl Simulation {
+    /// Unit of the points of the truth.
+    pub const TRUTH_UNIT: Unit = Unit::Millimetre;
+
     /// Builds rig and scene, and traces the views of both cameras.
     ///
     /// # Errors
@@ -128,6 +135,7 @@ impl Simulation {
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         device::check(options.images, options.rig.size_px)?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
+        check_range("exposure", options.exposure, 0.01, 100.0, "")?;
         let motion = staging.motion.map(|motion| ObjectMotion::new(motion, options.steps)).transpose()?;
         let rig = VirtualRig::new(&options.rig)?;
         let scene = scene(&options, &staging, &rig)?;
@@ -208,6 +216,28 @@ impl Simulation {
     #[must_use]
     pub fn motion(&self) -> Option<Motion> {
         self.motion.as_ref().map(ObjectMotion::description)
+    }
+
+    /// Phase shifts of one cycle, rad.
+    #[must_use]
+    pub fn cycle_shifts_rad(&self) -> Vec<f64> {
+        even_shifts_rad(self.options.steps)
+    }
+
+    /// The segment table of the calibrated rig.
+    pub(crate) fn segment_table(&self) -> Result<SegmentTable, SegmentTableError> {
+        SegmentTable::build(&self.rig.calibrated, &self.rig.volume, &self.rig.columns)
+    }
+
+    /// Takes a phase image of the first direction with grey pixels, as [`Self::write_images`] does.
+    pub(crate) fn phase_image(&self, camera: CameraId, number: usize) -> Result<GreyImage, SimulationError> {
+        let shifts_rad = self.cycle_shifts_rad();
+        let shift_rad = shifts_rad[number % shifts_rad.len()];
+        let pattern = Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
+        let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: number as u32 };
+        let colours = self.colours(camera, ImageKind::Phase(number), &pattern, seed)?;
+        let format = self.options.images.format();
+        colours.into_iter().next().ok_or(SimulationError::Compressed { format })
     }
 
     /// Whether the sequence has Gray code.
@@ -306,7 +336,10 @@ impl Simulation {
         seed: ImageSeed,
     ) -> Result<Vec<GreyImage>, SimulationError> {
         let options = &self.options;
-        let exposed = Sensor::exposed(options.noise.noise(), options.gamma);
+        let usual = Sensor::exposed(options.noise.noise(), options.gamma);
+        // Another rig gets more or less light, which its exposure evens out.
+        let light = if options.rig.has_usual_light() { 1.0 } else { self.rig.light() };
+        let exposed = Sensor { gain: usual.gain * options.exposure / light, ..usual };
         let sensors = device::filters(options.images.format()).into_iter().map(|filter| Sensor {
             format: device::sensor_format(options.images.format()),
             filter,
@@ -349,6 +382,12 @@ impl Simulation {
         {
             remarks.insert("board".to_owned(), json!(board));
         }
+        if let Some(at_mm) = options.rig.projector_at_mm {
+            remarks.insert("projector_at_mm".to_owned(), json!(at_mm));
+        }
+        if options.exposure != 1.0 {
+            remarks.insert("exposure".to_owned(), json!(options.exposure));
+        }
         if options.rig.lens_error > 0.0 {
             remarks.insert("lens_error".to_owned(), json!(options.rig.lens_error));
         }
@@ -364,6 +403,9 @@ fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Re
     scene.check_board(&rig.exact)?;
     if let Some(percent) = staging.share_percent {
         scene = scene.scaled(options.object, image_share::factor(rig, options.object, staging.shift_mm, percent)?);
+    }
+    if staging.albedo.is_some() || staging.gloss > 0.0 {
+        scene = scene.coated(staging.albedo, staging.gloss);
     }
     Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
 }

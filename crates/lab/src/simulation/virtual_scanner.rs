@@ -239,8 +239,8 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn the_default_sweep_keeps_all_objects_but_the_tray_in_their_volumes() {
-        for object in Object::ALL.into_iter().filter(|&object| object != Object::Tray) {
+    fn the_default_sweep_keeps_all_objects_that_fit_in_their_volumes() {
+        for object in Object::ALL.into_iter().filter(|object| object.fits_volume()) {
             let rig = RigOptions { depth_m: object.usual_depth_m(), ..options().rig };
             let options = VirtualScannerOptions { object, rig, sweep: SweepOptions::default(), ..options() };
             let speed = VirtualScanner::new(options).unwrap().speed();

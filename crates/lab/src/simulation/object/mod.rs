@@ -1,7 +1,11 @@
 //! The measured objects as signed distance functions: the seven objects of the paper (section 3) in their sizes, and
 //! harder ones.
 
+mod assembled;
+mod bodies;
+mod bowl;
 mod clutter;
+mod crowd;
 mod crumbs;
 mod elephant;
 mod machine;
@@ -14,8 +18,14 @@ mod tray;
 
 use std::str::FromStr;
 
+use super::hand::Hand;
+use super::scaled_solid::ScaledSolid;
 use super::solid::Solid;
 use super::{Board, SimulationError};
+
+/// Place of the hand before it is scaled, millimetres, and its size.
+const HAND_ORIGIN: [f64; 3] = [-49.5, -10.0, 0.0];
+const HAND_FACTOR: f64 = 0.52;
 
 /// The measured object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +50,24 @@ pub enum Object {
     Crumbs,
     /// A tray of pieces, three times as large as the field of view.
     Tray,
+    /// Balls on a plate.
+    Balls,
+    /// A tilted ring.
+    Torus,
+    /// Pipes that lie across each other, and two that show their inside.
+    Pipes,
+    /// A bowl, seen from inside.
+    Bowl,
+    /// A flight of steps of 1 to 9 mm.
+    Stairs,
+    /// Ridges and wires down to 1 mm.
+    Ridges,
+    /// Forty small bodies, half of them outside the default volume.
+    Crowd,
+    /// A small hand with spread fingers.
+    Hand,
+    /// Isolated bodies without a plate.
+    Bodies,
 }
 
 impl Object {
@@ -48,7 +76,7 @@ impl Object {
         [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
 
     /// All objects, those of the paper first.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 19] = [
         Self::Plane,
         Self::Prism,
         Self::Machine,
@@ -59,6 +87,15 @@ impl Object {
         Self::Clutter,
         Self::Crumbs,
         Self::Tray,
+        Self::Balls,
+        Self::Torus,
+        Self::Pipes,
+        Self::Bowl,
+        Self::Stairs,
+        Self::Ridges,
+        Self::Crowd,
+        Self::Hand,
+        Self::Bodies,
     ];
 
     /// Returns the names of all objects, for messages.
@@ -82,6 +119,15 @@ impl Object {
             Self::Clutter => "clutter",
             Self::Crumbs => "crumbs",
             Self::Tray => "tray",
+            Self::Balls => "balls",
+            Self::Torus => "torus",
+            Self::Pipes => "pipes",
+            Self::Bowl => "bowl",
+            Self::Stairs => "stairs",
+            Self::Ridges => "ridges",
+            Self::Crowd => "crowd",
+            Self::Hand => "hand",
+            Self::Bodies => "bodies",
         }
     }
 
@@ -94,11 +140,17 @@ impl Object {
         }
     }
 
+    /// Whether the object lies within its default measurement volume.
+    #[must_use]
+    pub fn fits_volume(self) -> bool {
+        !matches!(self, Self::Tray | Self::Crowd)
+    }
+
     /// Default board of the object.
     #[must_use]
     pub fn usual_board(self) -> Board {
         match self {
-            Self::Crumbs => Board::None,
+            Self::Crumbs | Self::Crowd | Self::Bodies => Board::None,
             _ => Board::Visible,
         }
     }
@@ -117,6 +169,15 @@ impl Object {
             Self::Clutter => Box::new(clutter::Clutter),
             Self::Crumbs => Box::new(crumbs::Crumbs::new()),
             Self::Tray => Box::new(tray::Tray::new()),
+            Self::Balls => Box::new(assembled::balls()),
+            Self::Torus => Box::new(assembled::torus()),
+            Self::Pipes => Box::new(assembled::pipes()),
+            Self::Bowl => Box::new(bowl::Bowl),
+            Self::Stairs => Box::new(assembled::stairs()),
+            Self::Ridges => Box::new(assembled::ridges()),
+            Self::Crowd => Box::new(crowd::crowd()),
+            Self::Hand => Box::new(ScaledSolid { solid: Box::new(Hand::at(HAND_ORIGIN.into())), factor: HAND_FACTOR }),
+            Self::Bodies => Box::new(assembled::isolated()),
         }
     }
 }
@@ -163,13 +224,14 @@ mod tests {
     }
 
     #[test]
-    fn all_objects_lie_in_their_boxes_and_all_boxes_but_the_tray_in_the_volume() {
+    fn all_objects_lie_in_their_boxes_and_all_boxes_but_two_in_the_volume() {
         for object in Object::ALL {
             let solid = object.solid();
             let (min, max) = solid.bounds_mm();
             let is_beside = min.x <= -50.0 || max.x >= 50.0 || min.y <= -40.0 || max.y >= 40.0;
-            assert_eq!(is_beside, object == Object::Tray, "{object:?}: {min} {max}");
-            assert!(min.z >= 0.0 && max.z < object.usual_depth_m() * 1e3 - 0.5, "{object:?}: {min} {max}");
+            assert!(!is_beside || !object.fits_volume(), "{object:?}: {min} {max}");
+            let is_in_depth = min.z >= 0.0 && max.z < object.usual_depth_m() * 1e3 - 0.5;
+            assert_eq!(is_in_depth, object != Object::Crowd, "{object:?}: {min} {max}");
             let inside = |p: &PointMm| (0..3).all(|i| p[i] >= min[i] && p[i] <= max[i]);
             for p in points(solid.as_ref(), 20_000) {
                 // The board hides everything below it.

@@ -4,13 +4,17 @@ mod csv;
 mod measurement;
 mod paper;
 mod report;
+mod scenes;
 mod sweep;
 
 use std::path::PathBuf;
 
+use clap::builder::PossibleValuesParser;
+
 use fringeflow::calibration::Unit;
 use fringeflow_dataset::TRUTH_FILE;
 use fringeflow_lab::evaluation::{Evaluation, against_cloud, egc};
+use fringeflow_lab::scene_lists::SceneList;
 use fringeflow_lab::simulation::Object;
 
 use crate::acting_options::{ActingOptions, Mode};
@@ -39,7 +43,7 @@ pub(crate) enum Against {
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Dataset folder or recording.
-    #[arg(required_unless_present_any = ["paper", "sweep"])]
+    #[arg(required_unless_present_any = ["paper", "sweep", "scenes"])]
     input: Option<PathBuf>,
     /// Reference to compare with.
     #[arg(long, value_enum, default_value_t = Against::Truth)]
@@ -61,8 +65,19 @@ pub(crate) struct Args {
     /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
     #[arg(long, requires = "output")]
     sweep: bool,
-    /// Folder for the files of --sweep or --paper.
-    #[arg(short, long, value_name = "FOLDER")]
+    /// Measure the scenes of a list with the default method and the paper's: build is for building the method, judge for
+    /// judging it. Scenes are made in memory. Prints tables by kind, layout and object, and the worst ten. With --output
+    /// it writes scenes.csv and pictures of the worst ten.
+    #[arg(long, value_name = "LIST", value_parser = one_of(&SceneList::ALL, SceneList::name))]
+    scenes: Option<SceneList>,
+    /// With --scenes: measure only the first N scenes, of those that --only leaves. The default is all.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    take: Option<u16>,
+    /// With --scenes: measure only scenes of this kind, layout or object.
+    #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(scenes::names()))]
+    only: Option<String>,
+    /// Folder for the files of --sweep, --paper or --scenes.
+    #[arg(short, long, alias = "out", value_name = "FOLDER")]
     output: Option<PathBuf>,
     /// Objects that --sweep measures.
     #[arg(
@@ -107,6 +122,11 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
             },
             Mode { name: "with --paper", is_chosen: |args| args.paper, options: &["paper", "quick", "output"] },
             Mode {
+                name: "with --scenes",
+                is_chosen: |args| args.scenes.is_some(),
+                options: &["scenes", "take", "only", "output"],
+            },
+            Mode {
                 name: "with an INPUT",
                 is_chosen: |_| true,
                 options: &["input", "against", "method", "units", "preview"],
@@ -115,6 +135,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         &[
             Mode { name: "with --sweep", is_chosen: |args| args.sweep, options: &[] },
             Mode { name: "with --paper", is_chosen: |args| args.paper, options: &[] },
+            Mode { name: "with --scenes", is_chosen: |args| args.scenes.is_some(), options: &[] },
             Mode { name: "with an INPUT", is_chosen: |_| true, options: PROPOSED_OPTIONS },
         ],
         &[
@@ -131,6 +152,9 @@ impl Args {
         }
         if let Some(folder) = &self.output {
             output_folder::prepare(folder)?;
+        }
+        if let (None, Some(list)) = (&self.input, self.scenes) {
+            return scenes::run(list, self.take, self.only.as_deref(), self.output.as_deref(), self.json);
         }
         let input = match (&self.input, &self.output) {
             (Some(input), _) => input,

@@ -156,8 +156,10 @@ fn volume(
 ) -> Result<MeasurementVolume, Failure> {
     let given = args.volume.as_ref().and(calibrated.volume.as_ref());
     let of_images = configuration.volume.as_ref().or(input.setup().volume.as_ref());
-    let volume = given.or(of_images).or(calibrated.volume.as_ref());
-    volume.cloned().ok_or_else(|| args.missing_volume())
+    match given.or(of_images) {
+        Some(volume) => Ok(*volume),
+        None => calibrated.required_volume(&args.calibration),
+    }
 }
 
 /// Fails if the images have another size than the calibration states.

@@ -6,19 +6,17 @@ mod picture;
 mod text;
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use fringeflow::calibration::{Unit, read_calibration};
-use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Rig};
-use fringeflow_dataset::{Setup, read_volume};
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::FringePattern;
 use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
-use fringeflow_lab::simulation::{read_configuration, setup_text};
 
 use crate::acting_options::{ActingOptions, Mode};
+use crate::calibrated_rig::CalibratedRig;
 use crate::failure::Failure;
-use crate::input::Input;
 use crate::output_folder;
 use crate::values::unit;
 
@@ -80,14 +78,6 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-/// A calibrated rig, and the volume and pattern that are stated with it.
-struct CalibratedRig {
-    rig: Rig,
-    volume: Option<MeasurementVolume>,
-    /// Pattern and steps of a dataset or a recording.
-    measurement: Option<(FringePattern, usize)>,
-}
-
 /// Where the options act.
 pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
     always: &["calibration", "units", "volume", "steps", "json", "output", "threads", "simd"],
@@ -132,40 +122,15 @@ impl Args {
     /// Setup for the report, and the number of steps.
     fn setup(&self) -> Result<(RigSetup, usize), Failure> {
         let defaults = (FringePattern { period_px: 16.0, sign: 1.0, offset_rad: 0.0 }, Assumptions::default().steps);
-        let CalibratedRig { rig, volume, measurement } = self.calibrated_rig()?;
-        let volume = volume.ok_or_else(|| self.missing_volume())?;
-        let (pattern, steps) = measurement.unwrap_or(defaults);
-        Ok((RigSetup { rig, volume, pattern: self.pattern(pattern) }, self.steps.unwrap_or(steps)))
+        let calibrated = self.calibrated_rig()?;
+        let volume = calibrated.required_volume(&self.calibration)?;
+        let (pattern, steps) = calibrated.measurement.unwrap_or(defaults);
+        Ok((RigSetup { rig: calibrated.rig, volume, pattern: self.pattern(pattern) }, self.steps.unwrap_or(steps)))
     }
 
     /// Reads the calibration file, the dataset or the recording. The volume of --volume replaces its volume.
     fn calibrated_rig(&self) -> Result<CalibratedRig, Failure> {
-        let is_of_kind = |kind: &str| self.calibration.extension().is_some_and(|extension| extension == kind);
-        let setup = if is_of_kind("toml") {
-            Some(configured_setup(&self.calibration)?)
-        } else if is_of_kind("mcap") || self.calibration.is_dir() {
-            let input = Input::open(&self.calibration, self.units)?;
-            if self.volume.is_none() {
-                input.check_unit(self.units)?;
-            }
-            Some(input.setup().clone())
-        } else {
-            None
-        };
-        let (rig, unit, volume, measurement) = match setup {
-            Some(set) => (set.rig, set.unit, set.volume, Some((set.sequence.pattern, set.steps))),
-            None => {
-                let unit = self.units.unwrap_or(Unit::Millimetre);
-                (read_calibration(&self.calibration, unit)?, unit, None, None)
-            }
-        };
-        let given = self.volume.as_ref().map(|given| parse_volume(given, self.units.unwrap_or(unit))).transpose()?;
-        Ok(CalibratedRig { rig, volume: given.or(volume), measurement })
-    }
-
-    fn missing_volume(&self) -> Failure {
-        let calibration = self.calibration.display();
-        Failure::Usage(format!("{calibration} states no measurement volume; give --volume BOX or --volume FILE"))
+        CalibratedRig::read(&self.calibration, self.units, self.volume.as_deref())
     }
 
     fn pattern(&self, pattern: FringePattern) -> FringePattern {
@@ -181,30 +146,7 @@ impl Args {
     }
 }
 
-/// Returns the setup of the scanner of a configuration.
-fn configured_setup(file: &Path) -> Result<Setup, Failure> {
-    let unusable = |what: String| Failure::Usage(format!("{}: {what}", file.display()));
-    let text = setup_text(&read_configuration(file)?).map_err(|e| unusable(e.to_string()))?;
-    Setup::parse(text, None).map_err(|e| unusable(e.to_string()))
-}
-
 /// Parses 1 or -1.
 fn sign() -> impl TypedValueParser<Value = f64> {
     PossibleValuesParser::new(["1", "-1"]).try_map(|text| text.parse::<f64>())
-}
-
-/// Parses a volume of six numbers, or reads it from a file.
-fn parse_volume(given: &str, unit: Unit) -> Result<MeasurementVolume, Failure> {
-    let numbers: Result<Vec<f64>, _> = given.split(',').map(|number| number.trim().parse::<f64>()).collect();
-    let Ok(numbers) = numbers else {
-        return Ok(read_volume(Path::new(given), unit)?);
-    };
-    let &[x0, y0, z0, x1, y1, z1] = &numbers[..] else {
-        let count = numbers.len();
-        let what = format!("--volume {given}: {count} numbers were given; expected xmin,ymin,zmin,xmax,ymax,zmax");
-        return Err(Failure::Usage(what));
-    };
-    let corner = |corner: [f64; 3]| Point3::from(corner.map(|c| c * unit.in_metres()));
-    let volume = MeasurementVolume::new(Pose::identity(), corner([x0, y0, z0]), corner([x1, y1, z1]));
-    volume.map_err(|error| Failure::Usage(format!("--volume {given}: {error}")))
 }

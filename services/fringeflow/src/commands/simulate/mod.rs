@@ -7,18 +7,21 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use fringeflow::calibration::Unit;
+use fringeflow::geometry::FringePattern;
 use fringeflow_dataset::{CameraId, check_new};
 use fringeflow_lab::evaluation::SimulatedDatasetError;
 use fringeflow_lab::simulation::{
-    Arrangement, Board, BoardApart, MotionOptions, NoiseLevel, Object, RigOptions, Simulation, SimulationError,
-    SimulationOptions, SimulationSummary, Staging,
+    Arrangement, Board, BoardApart, GivenRig, MotionOptions, NoiseLevel, Object, RigOptions, Simulation,
+    SimulationError, SimulationOptions, SimulationSummary, Staging,
 };
 use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat, StereoLayout};
 
 use crate::acting_options::{ActingOptions, Mode};
+use crate::calibrated_rig::CalibratedRig;
 use crate::failure::Failure;
 use crate::progress;
-use crate::values::one_of;
+use crate::values::{one_of, unit};
 
 /// Arguments of `fringeflow simulate`.
 #[derive(clap::Args)]
@@ -63,6 +66,12 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     shift: [f64; 3],
+    /// Mean albedo of the object, 0 to 1. Its darker and brighter parts change by the same factor [default: 0.8].
+    #[arg(long, value_name = "SHARE")]
+    albedo: Option<f64>,
+    /// Gloss of the whole object, 0 to 10. From about 1 on, highlights saturate the camera.
+    #[arg(long, value_name = "GLOSS", default_value_t = 0.0)]
+    gloss: f64,
     /// Cover the right half of a camera with a dark flap.
     #[arg(long, value_name = "CAMERA", value_parser = one_of(&CameraId::BOTH, CameraId::folder))]
     cover: Option<CameraId>,
@@ -107,6 +116,9 @@ pub(crate) struct Args {
     /// Put the views of both cameras into one image.
     #[arg(long, value_name = "LAYOUT", value_parser = one_of(&StereoLayout::ALL, StereoLayout::name))]
     stereo_layout: Option<StereoLayout>,
+    /// Exposure of the cameras, 0.01 to 100. With 1, bright parts in the middle of the volume do not saturate.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    exposure: f64,
     /// Exponent of the projector. 1 is linear.
     #[arg(long, value_name = "G", default_value_t = 1.0)]
     gamma: f64,
@@ -123,9 +135,24 @@ pub(crate) struct Args {
     /// Depth of the measurement volume, 1 to 300 millimetres. The default is 25, for the nose 45.
     #[arg(long, value_name = "MM")]
     depth: Option<f64>,
-    /// Fringe period, projector pixels.
-    #[arg(long, value_name = "PX", default_value_t = 16.0)]
-    period: f64,
+    /// Fringe period, projector pixels. The default is that of --rig, else 16.
+    #[arg(long, value_name = "PX")]
+    period: Option<f64>,
+    /// Simulate this rig instead of the built-in one: a calibration file (OpenCV YAML, with --volume), a configuration
+    /// of a scanner (.toml), a dataset folder or a recording (.mcap).
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// Measurement volume of --rig: xmin,ymin,zmin,xmax,ymax,zmax in the frame of camera 1 (write --volume=-50,…), or a
+    /// JSON file as in `fringeflow rig`. A calibration file needs it.
+    #[arg(long, value_name = "BOX|FILE", allow_hyphen_values = true)]
+    volume: Option<String>,
+    /// Unit of lengths in the calibration file of --rig and in --volume. The default is that of the input, else mm.
+    #[arg(long, value_name = "UNIT", value_parser = unit())]
+    units: Option<Unit>,
+    /// Put the centre of the projector here, in the frame of camera 1: right, down and away from the sensor. It is aimed
+    /// so that the middle of its image is at the middle of the volume, and its columns stay as upright as possible.
+    #[arg(long, value_name = "X,Y,Z mm", value_parser = parse_place, allow_hyphen_values = true)]
+    projector_at: Option<[f64; 3]>,
     /// Put the projector in the middle of the base. There every second wrong fringe order passes the test.
     #[arg(long)]
     symmetric: bool,
@@ -171,6 +198,8 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
                     "share",
                     "hand",
                     "shift",
+                    "albedo",
+                    "gloss",
                     "cover",
                     "motion",
                     "turn",
@@ -182,12 +211,17 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
                     "noise",
                     "format",
                     "stereo_layout",
+                    "exposure",
                     "gamma",
                     "seed",
                     "sd",
                     "lens_error",
                     "depth",
                     "period",
+                    "rig",
+                    "volume",
+                    "units",
+                    "projector_at",
                     "symmetric",
                     "two_directions",
                     "no_gray",
@@ -220,6 +254,14 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
             Mode { name: "without a Bayer mosaic", is_chosen: |_| true, options: &[] },
         ],
         &[
+            Mode { name: "with --rig", is_chosen: |args| args.rig.is_some(), options: &["rig", "volume", "units"] },
+            Mode { name: "without --rig", is_chosen: |_| true, options: &["size", "depth", "symmetric"] },
+        ],
+        &[
+            Mode { name: "with --projector-at", is_chosen: |args| args.projector_at.is_some(), options: &[] },
+            Mode { name: "without --projector-at", is_chosen: |_| true, options: &["symmetric"] },
+        ],
+        &[
             Mode { name: "with --sd 0", is_chosen: |args| args.sd <= 0.0, options: &[] },
             Mode { name: "with --sd above 0", is_chosen: |_| true, options: &["lens_error"] },
         ],
@@ -236,6 +278,8 @@ impl Args {
             shift_mm: self.shift,
             covered: self.cover,
             share_percent: self.share,
+            albedo: self.albedo,
+            gloss: self.gloss,
             hand: self.hand,
             motion: self.motion(),
         };
@@ -259,21 +303,10 @@ impl Args {
     }
 
     fn options(&self) -> Result<SimulationOptions, Failure> {
-        let depth_m = self.depth.map_or(self.object.usual_depth_m(), |mm| mm * 1e-3);
-        let arrangement = if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP };
         Ok(SimulationOptions {
             object: self.object,
             board: self.board(),
-            rig: RigOptions {
-                given: None,
-                arrangement,
-                size_px: self.size,
-                depth_m,
-                period_px: self.period,
-                sd_rad: self.sd,
-                lens_error: self.lens_error,
-                seed: self.seed,
-            },
+            rig: self.rig_options()?,
             steps: self.steps,
             two_directions: self.two_directions,
             gray: !self.no_gray,
@@ -281,9 +314,33 @@ impl Args {
             noise: self.noise,
             images: DeviceImages::new(self.format, self.bayer, self.stereo_layout).map_err(SimulationError::from)?,
             gamma: self.gamma,
+            exposure: self.exposure,
             supersampling: self.supersampling,
             seed: self.seed,
         })
+    }
+
+    /// The built-in rig, or the rig of --rig.
+    fn rig_options(&self) -> Result<RigOptions, Failure> {
+        let usual = RigOptions::usual(self.depth.map_or(self.object.usual_depth_m(), |mm| mm * 1e-3));
+        let options = RigOptions {
+            arrangement: if self.symmetric { Arrangement::SYMMETRIC } else { Arrangement::TABLE_TOP },
+            projector_at_mm: self.projector_at,
+            size_px: self.size,
+            period_px: self.period.unwrap_or(usual.period_px),
+            sd_rad: self.sd,
+            lens_error: self.lens_error,
+            seed: self.seed,
+            ..usual
+        };
+        let Some(file) = &self.rig else { return Ok(options) };
+        let calibrated = CalibratedRig::read(file, self.units, self.volume.as_deref())?;
+        let volume = calibrated.required_volume(file)?;
+        let pattern = match calibrated.measurement {
+            Some((pattern, _)) => FringePattern { period_px: self.period.unwrap_or(pattern.period_px), ..pattern },
+            None => options.pattern(),
+        };
+        Ok(options.with_given(GivenRig { rig: calibrated.rig, volume, pattern }))
     }
 
     fn motion(&self) -> Option<MotionOptions> {
@@ -324,11 +381,21 @@ impl Args {
     }
 }
 
-/// Parses three numbers written as `X,Y,Z`.
+/// Parses a shift written as `X,Y,Z`.
 fn parse_shift(text: &str) -> Result<[f64; 3], String> {
+    parse_three(text)
+        .ok_or_else(|| format!("{text:?} is not a shift; write three lengths in millimetres as in 30,0,-5"))
+}
+
+/// Parses a place written as `X,Y,Z`.
+fn parse_place(text: &str) -> Result<[f64; 3], String> {
+    let wrong = || format!("{text:?} is not a place; write three lengths in millimetres as in 150,-60,0");
+    parse_three(text).ok_or_else(wrong)
+}
+
+fn parse_three(text: &str) -> Option<[f64; 3]> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
-    let wrong = || format!("{text:?} is not a shift; write three lengths in millimetres as in 30,0,-5");
-    numbers.ok().and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)
+    numbers.ok()?.try_into().ok()
 }
 
 /// Parses width and height written as `WxH`.
