@@ -104,16 +104,16 @@ mod tests {
 
     #[test]
     fn every_group_and_every_worst_scene_has_a_line_with_its_figures() {
-        let rows = [test_row(4, "dim", 90.0, 0.25), test_row(7, "dim", 94.0, 0.0)];
+        let rows = [test_row(4, "dim", 90.0, 0.5), test_row(7, "dim", 94.0, 0.0)];
         let all = Summary::new("all", rows.iter());
         let text = table("kind", &summaries(&rows, ["plain", "dim"], |row| row.kind), &all);
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
-        let figures = ["2", "0", "92.00", "90.00", "92.00", "90.00", "0.13", "0.25", "50.00", "91.00", "89.00"];
+        let figures = ["2", "0", "92.00", "90.00", "92.00", "90.00", "0.25", "0.50", "50.00", "91.00", "89.00"];
         assert_eq!(lines[2], [&["dim"][..], &figures].concat());
         assert_eq!(lines[3], [&["all"][..], &figures].concat());
         let text = worst(SceneList::Build, rows.iter());
         let words: Vec<&str> = text.lines().nth(2).unwrap().split_whitespace().take(6).collect();
-        assert_eq!(words, ["4", "0.25", "90.00", "90.00", "89.00", "dim,"]);
+        assert_eq!(words, ["4", "0.50", "90.00", "90.00", "89.00", "dim,"]);
     }
 
     #[test]
