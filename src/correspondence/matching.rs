@@ -15,6 +15,7 @@ use super::delta_measurement::DeltaScratch;
 use super::delta_statistics::{DeltaStatistics, DeltaSums};
 use super::drift::{Drift, DriftScratch, KnownDrift};
 use super::epipolar_image::EpipolarImage;
+use super::moments;
 use super::reference_methods::paper;
 use super::scene::Scene;
 use super::segment_table::SegmentTable;
@@ -111,6 +112,7 @@ pub struct Matcher {
     delta: DeltaScratch,
     drift: DriftScratch,
     semi_global: semi_global::Scratch,
+    moments: moments::Scratch,
 }
 
 impl Matcher {
@@ -146,7 +148,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, histogram: histogram_scratch, delta: delta_scratch, drift, semi_global } = self;
+        let Self { cam2, histogram: histogram_scratch, delta: delta_scratch, drift, semi_global, moments } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -173,6 +175,7 @@ impl Matcher {
             ResolutionMethod::SemiGlobal => {
                 matching.semi_global(delta, known, (drift, semi_global), out, grounds)?;
             }
+            ResolutionMethod::Moments => matching.by_moments(delta, known, moments, out)?,
             ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
         out.delta_counts.clear();
@@ -225,6 +228,29 @@ impl Matching<'_> {
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
         out.delta = delta;
         out.drift = Some(drift);
+        Ok(())
+    }
+
+    fn by_moments(
+        &self,
+        delta: DeltaStatistics,
+        known: Option<&KnownDrift>,
+        scratch: &mut moments::Scratch,
+        out: &mut Matches,
+    ) -> Result<(), MatchError> {
+        let known = known.and_then(|known| Drift::from_known(known, self.view.table));
+        let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
+        let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
+        let limits = semi_global::Limits {
+            min_region_px: self.settings.resolution.min_region_px,
+            min_confidence: self.settings.min_confidence,
+        };
+        let field = scratch.resolve(self.view, known.as_ref(), &limits, &mut decisions);
+        let sums = out.sums();
+        check_share(&field.residual_statistics(&delta), false, sums.found, sums.with_candidates)?;
+        out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
+        out.delta = delta;
+        out.drift = Some(field);
         Ok(())
     }
 

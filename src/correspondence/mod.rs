@@ -29,6 +29,7 @@
 //! | sd from the images | *delta histogram*, *delta statistics*, *support*; slips of the pattern sequence: *slip* |
 //! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
 //! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
+//! | orders of surfaces and pixels from the moments of δ, as a setting | *moments* |
 //! | as the paper does it | *reference methods* |
 //! | shared | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool* |
 //! | the chain | *matching*, *settings*; whether images and rig belong together: *agreement* |
@@ -66,6 +67,7 @@ mod explanation;
 mod fingerprint;
 mod kernels;
 mod matching;
+mod moments;
 mod neighbourhood;
 mod patches;
 mod pixel_search;

@@ -306,17 +306,13 @@ fn confidence_is_the_share_of_true_points_and_its_minimum_is_respected() {
 }
 
 #[test]
-fn both_resolutions_decide_an_easy_scene() {
+fn all_resolutions_decide_an_easy_scene() {
     let simulation = simulation(Object::Prism);
     let scores_with = |method: ResolutionMethod| {
-        let mut settings = Settings::default();
-        settings.matching.method = method;
-        let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
-        let result =
-            reconstruct_with_settings(&sensor, &simulation, CameraId::BOTH, simulation.rig(), settings).unwrap();
-        assert_eq!(result.matches.drift.is_some(), method == ResolutionMethod::SemiGlobal);
+        let result = reconstruct_by(method, &simulation);
+        assert_eq!(result.matches.drift.is_some(), method != ResolutionMethod::Paper);
         let states_confidence = result.cloud.points.iter().all(|point| point.confidence > 0.0);
-        assert_eq!(states_confidence, method == ResolutionMethod::SemiGlobal);
+        assert_eq!(states_confidence, method != ResolutionMethod::Paper);
         scores(&simulation, &result)
     };
     for method in ResolutionMethod::ALL {
@@ -325,14 +321,43 @@ fn both_resolutions_decide_an_easy_scene() {
     }
 }
 
+/// Reconstructs by a resolution method.
+fn reconstruct_by(method: ResolutionMethod, simulation: &Simulation) -> Reconstruction {
+    let mut settings = Settings::default();
+    settings.matching.method = method;
+    let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
+    reconstruct_with_settings(&sensor, simulation, CameraId::BOTH, simulation.rig(), settings).unwrap()
+}
+
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let simulation = simulation(Object::Prism);
-    let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| reconstruct(&simulation))
-    };
-    assert!(with(1) == with(3));
+    for method in [ResolutionMethod::SemiGlobal, ResolutionMethod::Moments] {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| reconstruct_by(method, &simulation))
+        };
+        assert!(with(1) == with(3), "{method:?}");
+    }
+}
+
+/// Wrong orders are nearly as flat as the true one there, so the prior of the volume must decide.
+#[test]
+fn moments_decide_where_the_projector_stands_outside_of_the_cameras() {
+    let usual = options(Object::Prism, Arrangement::TABLE_TOP);
+    let cam2_mm = 1000.0 * Simulation::new(usual).unwrap().rig().exact.centre_of_cam2().coords;
+    let projector_at_mm = Some([cam2_mm.x + 40.0, cam2_mm.y - 60.0, cam2_mm.z]);
+    let rig = RigOptions { projector_at_mm, ..usual.rig };
+    let simulation = Simulation::new(SimulationOptions { rig, ..usual }).unwrap();
+    let scores = scores(&simulation, &reconstruct_by(ResolutionMethod::Moments, &simulation));
+    assert!(scores.com_percent > 97.0 && scores.fpc_percent < 0.5, "{scores:?}");
+}
+
+#[test]
+fn moments_make_no_points_of_a_board_behind_the_volume() {
+    let simulation = simulation_with_board_behind(Object::Tooth, 60.0, 2);
+    let scores = scores(&simulation, &reconstruct_by(ResolutionMethod::Moments, &simulation));
+    assert!(scores.com_percent > 85.0 && scores.fpc_percent < 0.5, "{scores:?}");
 }
 
 #[test]

@@ -58,8 +58,8 @@ pub(crate) struct MeasuringArgs {
     /// Standard deviation of δ that is taken as known.
     #[arg(skip)]
     known_sd_rad: Option<f64>,
-    /// Method that decides pixels with several candidates. paper is a slow reference. The default is that of the
-    /// configuration, else semi-global.
+    /// Method that decides pixels with several candidates. moments judges δ over whole surfaces; paper is a slow
+    /// reference. The default is that of the configuration, else semi-global.
     #[arg(long, value_name = "METHOD", value_parser = one_of(&ResolutionMethod::ALL, ResolutionMethod::name))]
     resolution: Option<ResolutionMethod>,
     /// Minimum confidence of a point, 0 to 1. The default is that of the configuration, else 0.8.

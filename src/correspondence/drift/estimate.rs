@@ -133,6 +133,26 @@ impl Drift {
         }
     }
 
+    /// The field of a mean, turns, and coefficients of the modes, pixels, with an sd of δ about it.
+    pub(in crate::correspondence) fn from_coefficients(
+        table: &SegmentTable,
+        coefficients: &[f64],
+        sd_rad: f64,
+    ) -> Self {
+        match table.drift_modes() {
+            Some(modes) => {
+                let coefficients = coefficients.iter().copied().collect();
+                Self::new(modes, &Guess { coefficients, sd_turns: sd_rad / TAU, share: 1.0 })
+            }
+            None => Self::level(coefficients[0] * TAU, sd_rad),
+        }
+    }
+
+    /// Its first `count` coefficients.
+    pub(in crate::correspondence) fn coefficients_of(&self, count: usize) -> nalgebra::DVector<f64> {
+        nalgebra::DVector::from_fn(count, |i, _| self.coefficients.get(i).copied().unwrap_or(0.0))
+    }
+
     /// The part that is handed on to later windows.
     #[must_use]
     pub fn to_known(&self) -> KnownDrift {

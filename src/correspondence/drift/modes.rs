@@ -43,6 +43,11 @@ pub struct DriftModes {
 }
 
 impl DriftModes {
+    /// Appends δ of every mode at a pixel of C1 and a column of the epipolar frame, turns per pixel of calibration error.
+    pub(in crate::correspondence) fn append_deltas(&self, pixel: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
+        self.by_term.append_deltas(pixel, column_px, out);
+    }
+
     /// Length of the modes of any rig as numbers.
     pub(in crate::correspondence) const NUMBERS: usize = DriftCoordinates::NUMBERS + MAX_MODES * (1 + TERMS);
 

@@ -141,6 +141,11 @@ impl Confidence {
         Self((probability * f32::from(u16::MAX)).ceil() as u16)
     }
 
+    /// The confidence of these log odds, nats.
+    pub(in crate::correspondence) fn of_log_odds(nats: f32) -> Self {
+        Self(from_log_odds(nats))
+    }
+
     /// As a number between 0 and 1.
     #[must_use]
     pub fn probability(self) -> f32 {

@@ -16,7 +16,7 @@ use crate::correspondence::view::View;
 
 use super::nodes::{NO_NODE, Node, Nodes, Piece};
 use super::order_scores::{Gate, OrderScorer, SearchSpace, UNSEEN_SCORE, order_scores};
-use super::runs::PhaseRuns;
+use super::runs::{MAX_BEND, PhaseRuns};
 use super::scratch::{RowScratch, Scratch};
 use super::{FULL_SCORE, LABELS, belief};
 
@@ -49,7 +49,7 @@ pub(super) enum Sampling {
 impl Scratch {
     /// Divides the image into nodes.
     pub(super) fn divide(&mut self, view: View<'_>) {
-        self.runs.find(view.cam1, view.table);
+        self.runs.find(view.cam1, view.table, MAX_BEND);
         self.nodes.find(view, &SearchSpace::from_table(view.table), &self.runs);
         let strides = [FEW_OF_TILE, MANY_OF_TILE].map(|of_tile| self.nodes.tile_px / of_tile);
         self.nodes.find_evidence_nodes(view.cam1.width, strides);

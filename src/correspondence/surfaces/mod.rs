@@ -28,9 +28,9 @@ mod decided;
 mod evidence;
 mod explain;
 mod nodes;
-mod order_scores;
+pub(super) mod order_scores;
 mod outside;
-mod runs;
+pub(super) mod runs;
 mod scratch;
 mod taken;
 #[cfg(test)]

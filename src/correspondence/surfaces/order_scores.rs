@@ -36,26 +36,26 @@ pub(super) const UNSEEN_SCORE: i16 = FULL_SCORE / 2;
 /// by chance.
 const LOST_BEYOND: f32 = 0.25;
 /// Largest order.
-pub(super) const MAX_ORDER: f32 = 8000.0;
+pub(in crate::correspondence) const MAX_ORDER: f32 = 8000.0;
 
 /// The columns of C2 in which a pixel of C1 sees all of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SearchSpace {
+pub(in crate::correspondence) struct SearchSpace {
     infinity_px: [f32; 3],
     last_px: f32,
     /// Mean half length of a segment, pixels.
-    pub(super) half_px: f32,
+    pub(in crate::correspondence) half_px: f32,
 }
 
 impl SearchSpace {
-    pub(super) fn from_table(table: &SegmentTable) -> Self {
+    pub(in crate::correspondence) fn from_table(table: &SegmentTable) -> Self {
         let half_px = table.drift_modes().map_or(1.0, |modes| modes.half_segment_px() as f32);
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
     }
 
     /// First and last column for a pixel in a column and row of C1.
     #[inline]
-    pub(super) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
+    pub(in crate::correspondence) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
         let [constant, along, across] = self.infinity_px;
         let infinity_px = constant + along * u as f32 + across * v as f32;
         let disparity_px = segment.reference_px - infinity_px;
@@ -68,39 +68,39 @@ impl SearchSpace {
 
 /// Largest |δ − drift| at which an order fits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Gate {
+pub(in crate::correspondence) struct Gate {
     /// Within the volume, turns.
-    pub(super) cap_turns: f32,
+    pub(in crate::correspondence) cap_turns: f32,
     /// Increase per half segment beyond it, where the drift is less certain.
-    pub(super) beyond_turns: f32,
+    pub(in crate::correspondence) beyond_turns: f32,
     /// Upper bound, turns.
-    pub(super) most_turns: f32,
+    pub(in crate::correspondence) most_turns: f32,
 }
 
 /// A pixel of C1, with the inputs of its scores.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct OrderScorer {
-    pub(super) segment: Segment,
-    pub(super) drift: DepthPolynomial,
-    pub(super) phase: u16,
+pub(in crate::correspondence) struct OrderScorer {
+    pub(in crate::correspondence) segment: Segment,
+    pub(in crate::correspondence) drift: DepthPolynomial,
+    pub(in crate::correspondence) phase: u16,
     /// First and last column searched.
-    pub(super) limits_px: [f32; 2],
-    pub(super) gate: Gate,
-    pub(super) half_px: f32,
+    pub(in crate::correspondence) limits_px: [f32; 2],
+    pub(in crate::correspondence) gate: Gate,
+    pub(in crate::correspondence) half_px: f32,
 }
 
 /// The possible orders of a pixel, and the range of Φ that holds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Orders {
-    pub(super) first: i32,
-    pub(super) last: i32,
-    phase_turns: [f32; 2],
+pub(in crate::correspondence) struct Orders {
+    pub(in crate::correspondence) first: i32,
+    pub(in crate::correspondence) last: i32,
+    pub(in crate::correspondence) phase_turns: [f32; 2],
 }
 
 impl OrderScorer {
     /// The possible orders. `None` where Φ does not separate orders.
     #[inline]
-    pub(super) fn orders(&self) -> Option<Orders> {
+    pub(in crate::correspondence) fn orders(&self) -> Option<Orders> {
         let [a, b, d] = self.segment.phase;
         let rise = b - a * d;
         let [mut begin, mut end] = self.limits_px.map(|px| px - self.segment.reference_px);
@@ -174,6 +174,47 @@ pub(super) fn order_scores<L: Lanes>(
     lanes.select(own, score, lanes.word(0))
 }
 
+/// δ less the drift of [`LANES`] orders of a pixel.
+pub(in crate::correspondence) struct RestsOfOrders<L: Lanes> {
+    /// Turns.
+    pub(in crate::correspondence) rest_turns: L::Floats,
+    /// The orders that the pixel has, and whose place C2 sees.
+    pub(in crate::correspondence) known: L::Mask,
+}
+
+/// δ less the drift of [`LANES`] orders of a pixel from `first` on.
+#[inline(always)]
+pub(in crate::correspondence) fn rests_of_orders<L: Lanes>(
+    lanes: L,
+    image: &EpipolarImage,
+    scorer: &OrderScorer,
+    orders: &Orders,
+    first: i32,
+) -> RestsOfOrders<L> {
+    let (segment, [a, b, d]) = (&scorer.segment, scorer.segment.phase);
+    let rise = b - a * d;
+    let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
+    let phase_turns = f32::from(scorer.phase) / 65536.0;
+    let turns = lanes.add_float(ramp, lanes.float(first as f32 + phase_turns));
+    let [least, most] = orders.phase_turns;
+    let turns = lanes.min_float(lanes.max_float(turns, lanes.float(least)), lanes.float(most));
+    let denominator = lanes.sub_float(lanes.float(b), lanes.times_float(lanes.float(d), turns));
+    let inverse = lanes.over(lanes.float(1.0), denominator);
+    let along = lanes.times_float(lanes.sub_float(turns, lanes.float(a)), inverse);
+    let per_turn = lanes.times_float(lanes.times_float(inverse, inverse), lanes.float(rise));
+    let column = lanes.add_float(along, lanes.float(segment.reference_px));
+    let drift = DepthBlock::splat(lanes, &scorer.drift).at(lanes, column);
+    let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
+    let last_px = lanes.float((image.width - 2) as f32);
+    let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, lanes.float(0.0)), lanes.reaches(last_px, column)));
+    let column = lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px);
+    let around = columns_around(lanes, image, segment.row_px, scorer.phase, column);
+    let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
+    let own = lanes.mask(first_lanes(count as usize));
+    let known = lanes.and(own, lanes.and(is_seen, around.known));
+    RestsOfOrders { rest_turns: signed_residual_turns(lanes, &around, per_turn), known }
+}
+
 const RAMP: [i16; LANES] = {
     let mut ramp = [0; LANES];
     let mut k = 0;
@@ -197,11 +238,29 @@ pub(in crate::correspondence) struct Around<L: Lanes> {
 
 /// How far δ of the crossing near the places is off the drift, turns. `per_turn` is the columns per turn of Φ.
 #[inline(always)]
-pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
+pub(in crate::correspondence) fn residual_turns<L: Lanes>(
+    lanes: L,
+    around: &Around<L>,
+    per_turn: L::Floats,
+) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
     let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
     let steepness = lanes.abs_float(lanes.times_float(slope, per_turn));
     lanes.over(off, lanes.max_float(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0)))
+}
+
+/// As [`residual_turns`], with the sign of δ.
+#[inline(always)]
+pub(in crate::correspondence) fn signed_residual_turns<L: Lanes>(
+    lanes: L,
+    around: &Around<L>,
+    per_turn: L::Floats,
+) -> L::Floats {
+    let slope = lanes.floats(lanes.widen(around.slope));
+    let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
+    let steepness = lanes.times_float(slope, per_turn);
+    let steepness = lanes.max_amount(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0));
+    lanes.over(lanes.sub_float(lanes.float(0.0), off), steepness)
 }
 
 /// The phase of C2 around many columns of the row of one pixel.

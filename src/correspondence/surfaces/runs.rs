@@ -22,7 +22,7 @@ use crate::phase::PhaseMap;
 
 /// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends if both sides of a step bend so. Beside
 /// a single spoilt pixel, one side alone bends.
-const MAX_BEND: u16 = 2200;
+pub(in crate::correspondence) const MAX_BEND: u16 = 2200;
 /// Greatest step from row to row at which runs are united, turns · 65536.
 const MAX_ROW_STEP: u16 = 9000;
 /// Fewest pixels that unite two runs.
@@ -30,17 +30,17 @@ const MIN_SHARED_PX: u32 = 3;
 
 /// The runs of an image; the set of each is its surface.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PhaseRuns {
-    pub(super) runs: Runs<RowScratch>,
+pub(in crate::correspondence) struct PhaseRuns {
+    pub(in crate::correspondence) runs: Runs<RowScratch>,
     /// Fringe order of each pixel relative to that of the first pixel of its run.
-    pub(super) relative: Vec<i16>,
+    pub(in crate::correspondence) relative: Vec<i16>,
     /// Number of surfaces.
-    pub(super) surfaces: usize,
+    pub(in crate::correspondence) surfaces: usize,
 }
 
 /// Scratch for a row of pixels.
 #[derive(Clone, Debug, Default)]
-pub(super) struct RowScratch {
+pub(in crate::correspondence) struct RowScratch {
     /// Whether a pixel has a phase and a segment: 1 or 0.
     usable: Vec<u8>,
     /// Rise of the phase to each pixel from the one before.
@@ -53,12 +53,12 @@ pub(super) struct RowScratch {
 
 impl PhaseRuns {
     /// Finds the runs of the pixels with a segment, and unites them.
-    pub(super) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable) {
+    pub(in crate::correspondence) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, max_bend: u16) {
         let (width, height) = (cam1.width.max(1), cam1.height);
         let Self { runs, relative, surfaces } = self;
         relative.resize(cam1.phase.len(), 0);
         runs.divide(height, relative.par_chunks_mut(BAND_ROWS * width), |v, row, relative, runs| {
-            row.find_breaks(cam1, table, v);
+            row.find_breaks(cam1, table, v, max_bend);
             row.count_orders(&mut relative[v % BAND_ROWS * width..][..width]);
             divide_at_marks(v * width, &row.breaks, |u| row.usable[u] == 1, runs);
         });
@@ -82,7 +82,7 @@ impl PhaseRuns {
 
 impl RowScratch {
     /// Finds where runs of row `v` end.
-    fn find_breaks(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize) {
+    fn find_breaks(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize, max_bend: u16) {
         let width = cam1.width;
         let Self { usable, rise, breaks, carry } = self;
         usable.resize(width, 0);
@@ -92,7 +92,7 @@ impl RowScratch {
         table.mark_segments(v, usable);
         let pixels = v * width..(v + 1) * width;
         let (phase, valid) = (&cam1.phase[pixels.clone()], &cam1.valid[pixels]);
-        fringeflow_simd::run(Level::in_use(), BreakKernel { phase, valid, row: self });
+        fringeflow_simd::run(Level::in_use(), BreakKernel { phase, valid, max_bend, row: self });
     }
 
     /// Counts the orders of the pixels from the first one of their run.
@@ -109,6 +109,7 @@ impl RowScratch {
 struct BreakKernel<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
+    max_bend: u16,
     row: &'a mut RowScratch,
 }
 
@@ -117,7 +118,7 @@ impl Kernel for BreakKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { phase, valid, row: RowScratch { usable, rise, breaks, carry } } = self;
+        let Self { phase, valid, max_bend, row: RowScratch { usable, rise, breaks, carry } } = self;
         let width = phase.len();
         let (usable, valid) = (&mut usable[..width], &valid[..width]);
         for u in 0..width {
@@ -142,7 +143,7 @@ impl Kernel for BreakKernel<'_> {
         let (last, rise, next) = (&rises[..width - 1], &rises[1..][..width - 1], &rises[2..][..width - 1]);
         let (breaks, carry) = (&mut breaks[1..][..width - 1], &mut carry[1..][..width - 1]);
         for i in 0..width - 1 {
-            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(rise[i]).unsigned_abs() > MAX_BEND);
+            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(rise[i]).unsigned_abs() > max_bend);
             let is_large = rise[i].unsigned_abs() > MAX_STEP as u16;
             breaks[i] = u8::from(is_large | (bends(last[i]) & bends(next[i])));
             let up = i8::from((rise[i] > 0) & (here[i] < before[i]));

@@ -1,0 +1,146 @@
+//! The error field: δ of true orders that the calibration error of the rig causes, fitted to the means of nodes.
+//!
+//! ```text
+//! for each node whose order leads: the mean of δ less the present field, at its middle
+//! repeat: least squares for the mean of the field and the coefficients of its modes, each with its prior;
+//!         nodes are weighted by Tukey's function of their distance
+//! ```
+//!
+//! Robust regression by iterated weights (Holland and Welsch 1977).
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::evidence::Evidence;
+use super::nodes::{NOTHING, Nodes};
+use crate::correspondence::drift::Drift;
+use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::surfaces::runs::PhaseRuns;
+use crate::correspondence::view::View;
+
+/// sd of the coefficient of a mode, pixels of calibration error.
+const PRIOR_PX: f64 = 0.5;
+/// sd of the mean of δ of a surface about the field, rad: a surface's nodes are not independent of each other.
+const SURFACE_SD: f64 = 0.02;
+/// Nodes that weigh as one independent observation.
+const NODES_PER_OBSERVATION: f64 = 4.0;
+/// Fewest nodes of a fit, and most used.
+const MIN_NODES: usize = 6;
+const MAX_NODES: usize = 1200;
+/// Rounds of weights, and Tukey's constant.
+const ROUNDS: usize = 8;
+const TUKEY: f64 = 4.7;
+
+/// The mean of δ of a decided node.
+#[derive(Clone, Copy, Debug)]
+struct Observation {
+    pixel: [usize; 2],
+    column_px: f32,
+    /// δ less the present field, turns.
+    rest_turns: f64,
+    weight: f64,
+}
+
+/// Fits the field to the nodes that are clear, starting from the present one. `None` if they are too few.
+pub(super) fn fit(
+    view: View<'_>,
+    present: &Drift,
+    runs: &PhaseRuns,
+    nodes: &Nodes,
+    evidence: &Evidence,
+    is_clear: impl Fn(usize) -> bool,
+) -> Option<Drift> {
+    let mut seen = observations(view, runs, nodes, evidence, is_clear);
+    if seen.len() < MIN_NODES {
+        return None;
+    }
+    if seen.len() > MAX_NODES {
+        let count = seen.len();
+        seen = (0..MAX_NODES).map(|i| seen[i * count / MAX_NODES]).collect();
+    }
+    let mut terms = Vec::new();
+    let mut count = 1;
+    if let Some(modes) = view.table.drift_modes() {
+        for own in &seen {
+            terms.push(1.0);
+            modes.append_deltas(own.pixel, own.column_px, &mut terms);
+        }
+        count = terms.len() / seen.len();
+    } else {
+        terms.resize(seen.len(), 1.0);
+    }
+    let rows = DMatrix::from_row_slice(seen.len(), count, &terms);
+    let present_coefficients = present.coefficients_of(count);
+    // δ itself, as the modes see it.
+    let delta =
+        DVector::from_iterator(seen.len(), seen.iter().map(|own| own.rest_turns)) + &rows * &present_coefficients;
+    let mut solution = present_coefficients;
+    let mut sd = 0.0;
+    for round in 0..ROUNDS {
+        let rest = &delta - &rows * &solution;
+        let mut sizes: Vec<f64> = rest.iter().map(|r| r.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        sd = (1.4826 * sizes[sizes.len() / 2]).max(0.003 / TAU);
+        if round + 1 == ROUNDS {
+            break;
+        }
+        let (mut normal, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let noise = SURFACE_SD / TAU;
+        for (i, own) in seen.iter().enumerate() {
+            let z = rest[i] / (TUKEY * sd);
+            if z.abs() >= 1.0 {
+                continue;
+            }
+            let weight = own.weight * (1.0 - z * z).powi(2) / (noise * noise * NODES_PER_OBSERVATION);
+            for j in 0..count {
+                let own = weight * rows[(i, j)];
+                right[j] += own * delta[i];
+                for k in 0..=j {
+                    normal[(j, k)] += own * rows[(i, k)];
+                }
+            }
+        }
+        for j in 1..count {
+            normal[(j, j)] += 1.0 / (PRIOR_PX * PRIOR_PX);
+        }
+        for j in 0..count {
+            for k in 0..j {
+                normal[(k, j)] = normal[(j, k)];
+            }
+        }
+        solution = normal.cholesky()?.solve(&right);
+    }
+    Some(Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU))
+}
+
+fn observations(
+    view: View<'_>,
+    runs: &PhaseRuns,
+    nodes: &Nodes,
+    evidence: &Evidence,
+    is_clear: impl Fn(usize) -> bool,
+) -> Vec<Observation> {
+    let mut seen = Vec::new();
+    for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
+        let Some(fit) = evidence.fit(i, node.label) else { continue };
+        let pieces = nodes.pieces_of(node);
+        let piece = pieces[pieces.len() / 2];
+        let (u, v) = ((piece.begin + piece.end) as usize / 2, piece.v as usize);
+        let pixel = v * view.cam1.width + u;
+        let order = node.order(piece.offset + i32::from(runs.relative[pixel]));
+        let column_px = column_of(view.table, pixel, order, view.cam1.phase[pixel]);
+        if column_px.is_finite() {
+            let rest_turns = f64::from(fit.moments.mean) / TAU;
+            let weight = f64::from(fit.moments.count / (fit.moments.count + 16.0));
+            seen.push(Observation { pixel: [u, v], column_px, rest_turns, weight });
+        }
+    }
+    seen
+}
+
+/// Column at which a pixel has an order.
+fn column_of(table: &SegmentTable, pixel: usize, order: i32, phase: u16) -> f32 {
+    let turns = order as f32 + f32::from(phase) / 65536.0;
+    table.segment(pixel).column_and_columns_per_turn(turns).0
+}

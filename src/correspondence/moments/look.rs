@@ -1,0 +1,284 @@
+//! One look at each pixel, at the order of its node.
+//!
+//! ```text
+//! x = the column at which Φ − field − offset of the surface is order + phase of the pixel
+//! repeat a few times, while C2 has phases in the columns around x:
+//!     x = where the line through these phases has the phase of the pixel
+//! at a rim, where only one of the columns sees the surface, the last line is continued by up to a pixel
+//! decided: |δ − field − offset| is small in units of the noise of the pixel
+//! ```
+
+use rayon::prelude::*;
+
+use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
+
+use super::likelihood::radians;
+use super::nodes::{NONE, Nodes};
+use super::noise::Noise;
+use super::{BEYOND, INSIDE, OPEN, Pixels};
+use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::kernels::Segments;
+use crate::correspondence::pool::Pool;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::surfaces::columns_around_each;
+use crate::correspondence::surfaces::runs::PhaseRuns;
+use crate::correspondence::view::View;
+use crate::phase::Modulation;
+
+/// Largest |δ − field − offset| of a decided pixel, sd.
+pub(super) const MAX_Z: f32 = 6.0;
+/// Most iterations.
+const MAX_ITERATIONS: usize = 3;
+/// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
+const MAX_MOVE_PX: f32 = 2.0;
+/// How far the line is continued at a rim, pixels.
+const RIM_PX: f32 = 1.0;
+/// Stands for no order.
+const NO_ORDER: i16 = i16::MIN;
+
+/// Scratch of a tile row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TileRow {
+    segments: SegmentRow,
+    field: DepthRow,
+    /// Order, offset and part of each pixel of the tile row.
+    orders: Vec<i16>,
+    offsets: Vec<f32>,
+    parts: Vec<u32>,
+    sd: Vec<f32>,
+}
+
+/// Looks at all open pixels of the nodes that have a part. `parts` is the part of each node, [`NONE`] for none, and
+/// `offsets` the mean of δ less the field of each node, rad.
+pub(super) fn look(
+    view: View<'_>,
+    field: &Drift,
+    runs: &PhaseRuns,
+    nodes: &Nodes,
+    (parts, offsets): (&[u32], &[f32]),
+    noise: Noise,
+    pixels: &mut Pixels<'_>,
+    pool: &Pool<TileRow>,
+) {
+    let width = view.cam1.width;
+    let padded = width.next_multiple_of(LANES);
+    let rows_px = nodes.tile_px * width;
+    let Pixels { chosen, state, owner, rest } = pixels;
+    let planes = (
+        chosen.column_px.par_chunks_mut(rows_px),
+        chosen.order.par_chunks_mut(rows_px),
+        chosen.delta.par_chunks_mut(rows_px),
+        chosen.slope.par_chunks_mut(rows_px),
+        state.par_chunks_mut(rows_px),
+        owner.par_chunks_mut(rows_px),
+        rest.par_chunks_mut(rows_px),
+    );
+    planes.into_par_iter().enumerate().for_each(|(i, (column_px, order, delta, slope, state, owner, rest))| {
+        let of_row = nodes.of_tile_row(i);
+        if parts[of_row.clone()].iter().all(|part| *part == NONE) {
+            return;
+        }
+        let mut scratch = pool.take();
+        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, sd } = &mut *scratch;
+        let first = i * nodes.tile_px;
+        let rows = column_px.len() / width;
+        orders.clear();
+        orders.resize(rows * padded, NO_ORDER);
+        of_pixels.resize(rows * padded, 0.0);
+        part_of.resize(rows * padded, NONE);
+        for n in of_row.filter(|&n| parts[n] != NONE) {
+            let node = &nodes.nodes[n];
+            for piece in nodes.pieces_of(node) {
+                let v = piece.v as usize;
+                for u in piece.columns() {
+                    let (at, pixel) = ((v - first) * padded + u, v * width + u);
+                    if state[pixel - first * width] != OPEN {
+                        continue;
+                    }
+                    orders[at] = node.order(piece.offset + i32::from(runs.relative[pixel])) as i16;
+                    (of_pixels[at], part_of[at]) = (offsets[n], parts[n]);
+                }
+            }
+        }
+        sd.resize(padded, 0.0);
+        for row in 0..rows {
+            let orders = &orders[row * padded..][..padded];
+            if orders.iter().all(|order| *order == NO_ORDER) {
+                continue;
+            }
+            let v = first + row;
+            view.table.row(v, segments);
+            field.along_row(v, width, along);
+            let own = v * width..(v + 1) * width;
+            fill_sd(&view.cam1.modulation[own.clone()], noise, sd);
+            let looks = RowLook {
+                image: view.cam2,
+                segments,
+                field: along,
+                phase: &view.cam1.phase[own],
+                orders,
+                offsets: &of_pixels[row * padded..][..padded],
+                sd,
+            };
+            let here = row * width;
+            let mut out = |u: usize, seen: &Seen| {
+                let at = here + u;
+                column_px[at] = seen.column_px;
+                order[at] = orders[u];
+                delta[at] = seen.delta;
+                slope[at] = seen.slope;
+                rest[at] = seen.rest;
+                state[at] = if seen.in_volume { INSIDE } else { BEYOND };
+                owner[at] = part_of[row * padded + u];
+            };
+            for first in (0..width).step_by(LANES) {
+                if orders[first..first + LANES].iter().any(|order| *order != NO_ORDER) {
+                    let block = fringeflow_simd::run(Level::in_use(), BlockLook { row: &looks, first });
+                    let mut bits = block.decided;
+                    while bits != 0 {
+                        let lane = bits.trailing_zeros() as usize;
+                        bits &= bits - 1;
+                        out(first + lane, &block.at(lane));
+                    }
+                }
+            }
+        }
+    });
+}
+
+fn fill_sd(modulation: &[Modulation], noise: Noise, sd: &mut [f32]) {
+    for (sd, modulation) in sd.iter_mut().zip(modulation) {
+        *sd = noise.variance(modulation.grey()).sqrt();
+    }
+}
+
+/// The inputs of the look at a row.
+struct RowLook<'a> {
+    image: &'a EpipolarImage,
+    segments: &'a SegmentRow,
+    field: &'a DepthRow,
+    phase: &'a [u16],
+    orders: &'a [i16],
+    /// Offset of the surface, rad, and sd of δ, rad.
+    offsets: &'a [f32],
+    sd: &'a [f32],
+}
+
+/// What a pixel saw.
+pub(super) struct Seen {
+    pub(super) column_px: f32,
+    /// δ, δ less the field, and the rise of C2's phase over a column, turns · 65536.
+    pub(super) delta: i16,
+    pub(super) rest: i16,
+    pub(super) slope: i16,
+    pub(super) in_volume: bool,
+}
+
+/// What 32 pixels saw.
+struct BlockSeen {
+    decided: u32,
+    in_volume: u32,
+    column_px: [f32; LANES],
+    /// δ less the field, and the field, turns · 65536.
+    rest: [f32; LANES],
+    field: [f32; LANES],
+    slope: [i16; LANES],
+}
+
+impl BlockSeen {
+    fn at(&self, lane: usize) -> Seen {
+        let (rest, field) = (self.rest[lane], self.field[lane]);
+        Seen {
+            column_px: self.column_px[lane],
+            delta: nearest(rest + field),
+            rest: nearest(rest),
+            slope: self.slope[lane],
+            in_volume: self.in_volume >> lane & 1 == 1,
+        }
+    }
+}
+
+/// The nearest whole number in the range of words.
+pub(super) fn nearest(value: f32) -> i16 {
+    (value + 0.5_f32.copysign(value)) as i16
+}
+
+struct BlockLook<'a> {
+    row: &'a RowLook<'a>,
+    first: usize,
+}
+
+impl Kernel for BlockLook<'_> {
+    type Output = BlockSeen;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> BlockSeen {
+        let Self { row, first } = self;
+        let float = |value: f32| lanes.float(value);
+        let segments = Segments::new(lanes, row.segments, first);
+        let phases = lanes.load(&filled(&row.phase[first..], 0));
+        let order = lanes.load_signed(&filled(&row.orders[first..], NO_ORDER));
+        let fraction = lanes.times_float(lanes.floats(lanes.widen_unsigned(phases)), float(1.0 / 65536.0));
+        let target = lanes.add_float(lanes.floats(lanes.widen(order)), fraction);
+        let ([column_px, per_turn], is_sound) = segments.columns_of(target);
+        let is_sound = lanes.both(is_sound, lanes.reaches(segments.row, float(0.0)));
+        // Field and offset are constant over such small moves.
+        let field = row.field.block(lanes, first).at(lanes, column_px);
+        let offset = lanes.load_floats(&filled(&row.offsets[first..], 0.0));
+        let offset = lanes.times_float(offset, float(1.0 / radians(1.0)));
+        let off = lanes.add_float(field, offset);
+        let mut column_px = lanes.add_float(column_px, lanes.times_float(off, per_turn));
+        let has_order = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
+        let (mut found, mut todo) = (lanes.mask(0), has_order);
+        let (mut at_px, mut slopes) = (float(0.0), lanes.long(0));
+        let last_px = float((row.image.width - 2) as f32);
+        for _ in 0..MAX_ITERATIONS {
+            column_px = lanes.min_float(lanes.max_float(column_px, float(0.0)), last_px);
+            let around = columns_around_each(lanes, row.image, segments.row, phases, column_px);
+            let slope = lanes.widen(around.slope);
+            let is_flat = lanes.is_equal(around.slope, lanes.word(0));
+            // Flat pairs are masked below; 1 avoids a division by zero.
+            let slope_or_one = lanes.select_float(lanes.truths(is_flat), float(1.0), lanes.floats(slope));
+            let value = lanes.floats(lanes.widen(around.value));
+            let share = lanes.over(lanes.sub_float(float(0.0), value), slope_or_one);
+            let before_px = lanes.sub_float(column_px, around.share);
+            let known = lanes.and_not(lanes.and(todo, around.known), is_flat);
+            let between = lanes.mask_of(lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share)));
+            // Until the crossing lies between the columns, the nearest continuation stands for it.
+            let is_near = lanes
+                .mask_of(lanes.both(lanes.reaches(share, float(-RIM_PX)), lanes.reaches(float(1.0 + RIM_PX), share)));
+            let here = lanes.and(known, is_near);
+            let is_here = lanes.truths(here);
+            at_px = lanes.select_float(is_here, lanes.add_float(before_px, share), at_px);
+            slopes = lanes.select_long(is_here, slope, slopes);
+            found = lanes.or(found, here);
+            todo = lanes.and_not(known, lanes.and(known, between));
+            if !lanes.any(todo) {
+                break;
+            }
+            let most = float(1.0 + MAX_MOVE_PX);
+            let step = lanes.min_float(lanes.max_float(share, float(-MAX_MOVE_PX)), most);
+            column_px = lanes.add_float(before_px, step);
+        }
+        let rest = lanes.sub_float(lanes.sub_float(segments.phase_turns(at_px), target), field);
+        let sd = lanes.load_floats(&filled(&row.sd[first..], 0.0));
+        let reach = lanes.times_float(float(MAX_Z / radians(1.0)), sd);
+        let fits = lanes.reaches(reach, lanes.abs_float(lanes.sub_float(rest, offset)));
+        let decided = lanes.and(found, lanes.mask_of(fits));
+        let in_volume = lanes.and(decided, lanes.mask_of(segments.have(at_px)));
+        let mut seen = BlockSeen {
+            decided: lanes.bits(decided),
+            in_volume: lanes.bits(in_volume),
+            column_px: [0.0; LANES],
+            rest: [0.0; LANES],
+            field: [0.0; LANES],
+            slope: [0; LANES],
+        };
+        lanes.store_floats(at_px, &mut seen.column_px);
+        lanes.store_floats(lanes.times_float(rest, float(65536.0)), &mut seen.rest);
+        lanes.store_floats(lanes.times_float(field, float(65536.0)), &mut seen.field);
+        lanes.store_signed(lanes.narrow_signed(slopes), &mut seen.slope);
+        seen
+    }
+}

@@ -1,0 +1,303 @@
+//! The fringe orders of all pixels, from the moments of δ over surfaces.
+//!
+//! A wrong order's δ has a slope over a smooth surface; the true order's has none. So not pixels are asked but *nodes*,
+//! the parts of surfaces in tiles, and the answer is a likelihood ratio of the moments of δ over the node.
+//!
+//! ```text
+//! runs, surfaces:   rows of C1 cut where the wrapped phase does not continue; surfaces of runs that continue each other
+//! repeat thrice, the last time about the final error field:
+//!     evidence:     likelihood ratio of each order of each node
+//!     belief:       the orders of all nodes together, along surfaces
+//!     field, noise: fitted to the nodes that lead
+//! for tiles of three sizes, over the pixels that are still open:
+//!     evidence, belief; components of nodes with one order; those founded well enough are looked at pixel by pixel
+//! adopt:            open pixels that continue a decided neighbour
+//! verdict:          ratios summed over whole surfaces; occupancy of C2
+//! ```
+//!
+//! In: the phase of C1, C2 in the epipolar frame, segments. Out: a point, or a reason why there is none, for each pixel.
+
+mod adopt;
+mod belief;
+mod evidence;
+mod field;
+mod learned;
+mod likelihood;
+mod look;
+mod nodes;
+mod noise;
+mod parts;
+mod verdict;
+
+use fringeflow_base::outcome::Outcome;
+
+use self::belief::Messages;
+use self::evidence::{Evidence, Question};
+use self::learned::{CAP, Learned, wrong_mean};
+use self::likelihood::{Moments, Widths, radians, student_cost};
+use self::look::TileRow;
+use self::nodes::{LABELS, NONE, Nodes};
+use self::verdict::Verdict;
+use super::chosen::ChosenCandidates;
+use super::disjoint_sets::DisjointSets;
+use super::drift::Drift;
+use super::pool::Pool;
+use super::segment_table::EpipolarAxis;
+use super::semi_global::{Confidence, Decisions, Limits};
+use super::surfaces::order_scores::SearchSpace;
+use super::surfaces::runs::{MAX_BEND, PhaseRuns};
+use super::view::View;
+use crate::phase::PhaseMap;
+
+/// State of a pixel: not decided; a point in the volume; a point outside it.
+const OPEN: u8 = 0;
+const INSIDE: u8 = 1;
+const BEYOND: u8 = 2;
+
+/// Side of the largest tile, pixels, and in a large image: the detail of images grows with their size.
+const TILE_PX: usize = 16;
+const LARGE_TILE_PX: usize = 32;
+const LARGE_PX: usize = 800_000;
+/// Tile sizes: each is half the one before.
+const LEVELS: u8 = 3;
+/// Price of a change of order along a surface, nats, at the largest tile; it falls with the root of the side.
+const PRICE_NATS: f32 = 5.0;
+/// Handicap of an order outside the volume, nats: people hold the object into it.
+const OUTSIDE_NATS: f32 = 4.0;
+/// Least ratio of a surface to stand, nats.
+const STAND_NATS: f32 = 15.0;
+/// sd of the offset of a surface from the field, rad.
+const OFFSET_SD: f32 = 0.05;
+/// Distance of the pixels whose bend is measured, and limit of bends, medians of their size: 2.5 sd.
+const BEND_STRIDE: usize = 37;
+const BEND_SD: f32 = 2.5 * 1.4826;
+
+/// A node whose pixels were looked at.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    level: u8,
+    /// Mean of δ less the field, rad, as used by the pixels.
+    offset: f32,
+    moments: Option<Moments>,
+}
+
+/// The planes of decisions.
+struct Pixels<'a> {
+    chosen: &'a mut ChosenCandidates,
+    state: &'a mut Vec<u8>,
+    /// Part of each decided pixel.
+    owner: &'a mut Vec<u32>,
+    /// δ less the field, turns · 65536.
+    rest: &'a mut Vec<i16>,
+}
+
+/// The planes that only the resolution needs.
+#[derive(Clone, Debug, Default)]
+struct Planes {
+    state: Vec<u8>,
+    owner: Vec<u32>,
+    rest: Vec<i16>,
+}
+
+impl Planes {
+    fn reset(&mut self, count: usize) {
+        let Self { state, owner, rest } = self;
+        state.clear();
+        state.resize(count, OPEN);
+        owner.clear();
+        owner.resize(count, NONE);
+        rest.resize(count, 0);
+    }
+}
+
+/// Scratch memory, kept from image to image.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scratch {
+    runs: PhaseRuns,
+    bases: Vec<i32>,
+    nodes: Nodes,
+    evidence: Evidence,
+    messages: Messages,
+    sets: DisjointSets,
+    parts: Vec<Part>,
+    part_of: Vec<u32>,
+    offsets: Vec<f32>,
+    planes: Planes,
+    looks: Pool<TileRow>,
+    verdict: Verdict,
+}
+
+impl Scratch {
+    /// Decides every pixel; returns the error field.
+    pub(super) fn resolve(
+        &mut self,
+        view: View<'_>,
+        known: Option<&Drift>,
+        limits: &Limits,
+        decisions: &mut Decisions<'_>,
+    ) -> Drift {
+        let count = view.cam1.phase.len();
+        let tile_px = if count < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
+        let space = SearchSpace::from_table(view.table);
+        self.runs.find(view.cam1, view.table, max_bend(view.cam1));
+        self.find_bases(view);
+        let mut planes = std::mem::take(&mut self.planes);
+        planes.reset(count);
+        let Decisions { outcomes, chosen, passing, confidence } = decisions;
+        chosen.resize(count);
+        let mut pixels = Pixels { chosen, state: &mut planes.state, owner: &mut planes.owner, rest: &mut planes.rest };
+        self.parts.clear();
+        let learned = self.learn(view, &space, tile_px, known);
+        for level in 0..LEVELS {
+            if level > 0 {
+                self.ask(view, &space, tile_px, level, &learned, CAP, pixels.state);
+            }
+            self.keep(view, level, &learned, &pixels);
+            let parts = (&self.part_of[..], &self.offsets[..]);
+            look::look(view, &learned.field, &self.runs, &self.nodes, parts, learned.noise, &mut pixels, &self.looks);
+        }
+        adopt::adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
+        let widths_of = |level: u8| Widths { wrong_mean: Some(wrong_mean(level)), ..learned.widths_at(level) };
+        self.verdict.judge(view, &self.parts, widths_of, OFFSET_SD, &pixels);
+        outcomes.clear();
+        outcomes.resize(count, Outcome::RejectedByDelta);
+        self.drop_unfounded(view, limits.min_region_px, &mut pixels, outcomes);
+        passing.clear();
+        passing.resize(count, 0);
+        confidence.clear();
+        confidence.resize(count, Confidence::NONE);
+        for pixel in 0..count {
+            if outcomes[pixel] == Outcome::RejectedByDelta {
+                outcomes[pixel] = self.outcome(view, &pixels, pixel);
+            }
+            if outcomes[pixel].is_found() {
+                let own = self.confidence(view, &learned, &pixels, pixel);
+                if own.probability() < limits.min_confidence {
+                    outcomes[pixel] = Outcome::Ambiguous;
+                } else {
+                    (passing[pixel], confidence[pixel]) = (1, own);
+                }
+            }
+            if !outcomes[pixel].is_found() {
+                pixels.chosen.clear(pixel);
+            }
+        }
+        self.planes = planes;
+        learned.field
+    }
+
+    /// The order of label 0 of each surface: the middle label is the middle of the volume, averaged over the surface.
+    fn find_bases(&mut self, view: View<'_>) {
+        let Self { runs, bases, .. } = self;
+        let mut sums = vec![[0.0_f64; 2]; runs.surfaces];
+        for run in &runs.runs.all {
+            let pixel = (run.pixels().start + run.pixels().end) / 2;
+            let segment = view.table.segment(pixel);
+            let phase = f32::from(view.cam1.phase[pixel]) / 65536.0;
+            let relative = (run.order_offset + i32::from(runs.relative[pixel])) as f32;
+            let middle = f64::from(segment.phase_turns(segment.reference_px) - phase - relative);
+            if middle.is_finite() {
+                let [sum, weight] = &mut sums[run.set as usize];
+                *sum += run.pixels().len() as f64 * middle;
+                *weight += run.pixels().len() as f64;
+            }
+        }
+        bases.clear();
+        bases.extend(sums.iter().map(|[sum, weight]| (sum / weight.max(1.0)) as i32 - LABELS as i32 / 2));
+    }
+
+    /// Divides what is open into nodes of a level, and decides them.
+    fn ask(
+        &mut self,
+        view: View<'_>,
+        space: &SearchSpace,
+        tile_px: usize,
+        level: u8,
+        learned: &Learned,
+        cap: f32,
+        state: &[u8],
+    ) {
+        let Self { runs, bases, nodes, evidence, messages, .. } = self;
+        let size = [view.cam1.width, view.cam1.height];
+        let is_all = level == 0;
+        nodes.divide(size, tile_px >> level, runs, bases, |pixel| is_all || state[pixel] == OPEN);
+        let question = Question {
+            stride_px: (tile_px >> level) / 8,
+            min_px: if is_all { 16 } else { 4 },
+            cap,
+            widths: learned.widths_at(level),
+            outside_nats: OUTSIDE_NATS,
+            noise: learned.noise,
+            is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
+        };
+        evidence.gather(view, &learned.field, space, runs, nodes, &question);
+        let price = PRICE_NATS / f32::from(1_u16 << level).sqrt();
+        belief::decide(nodes, &evidence.scores, price, messages);
+    }
+
+    /// Drops components that are not founded, and points whose place in C2 a better founded component holds.
+    fn drop_unfounded(
+        &mut self,
+        view: View<'_>,
+        min_region_px: u32,
+        pixels: &mut Pixels<'_>,
+        outcomes: &mut [Outcome],
+    ) {
+        for pixel in 0..outcomes.len() {
+            let owner = pixels.owner[pixel];
+            if owner == NONE {
+                continue;
+            }
+            let component = self.verdict.of(owner);
+            if component.nats < STAND_NATS || component.size_px < min_region_px {
+                outcomes[pixel] = Outcome::Ambiguous;
+                pixels.owner[pixel] = NONE;
+                pixels.state[pixel] = OPEN;
+            }
+        }
+        for pixel in self.verdict.taken(view, pixels) {
+            let pixel = pixel as usize;
+            outcomes[pixel] = Outcome::Contradicted;
+            pixels.owner[pixel] = NONE;
+            pixels.state[pixel] = OPEN;
+        }
+    }
+
+    /// The confidence of a point: the odds of its part and surface, less what its own δ speaks against them.
+    fn confidence(&self, view: View<'_>, learned: &Learned, pixels: &Pixels<'_>, pixel: usize) -> Confidence {
+        let owner = pixels.owner[pixel];
+        let off = radians(f32::from(pixels.rest[pixel]) / 65536.0) - self.parts[owner as usize].offset;
+        let variance = learned.noise.variance(view.cam1.modulation[pixel].grey());
+        Confidence::of_log_odds(self.verdict.log_odds(owner) - student_cost(off * off / variance))
+    }
+
+    /// The outcome of a pixel that was not dropped.
+    fn outcome(&self, view: View<'_>, pixels: &Pixels<'_>, pixel: usize) -> Outcome {
+        match pixels.state[pixel] {
+            INSIDE if self.parts[pixels.owner[pixel] as usize].level == 0 => Outcome::Reference,
+            INSIDE => Outcome::AcrossEpipolar,
+            BEYOND => Outcome::OutsideVolume,
+            _ if !view.cam1.valid[pixel] => Outcome::Invalid,
+            _ if !view.table.has_segment(pixel) => Outcome::OutsideVolume,
+            _ => Outcome::RejectedByDelta,
+        }
+    }
+}
+
+/// Bend of the phase at which a surface ends: a multiple of the sd of the second difference, which noise causes.
+fn max_bend(cam1: &PhaseMap) -> u16 {
+    let mut bends: Vec<u16> = (1..cam1.phase.len().saturating_sub(1))
+        .step_by(BEND_STRIDE)
+        .filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1])
+        .map(|i| {
+            let rise = |i: usize| i32::from(cam1.phase[i + 1].wrapping_sub(cam1.phase[i]) as i16);
+            (rise(i) - rise(i - 1)).unsigned_abs().min(u32::from(u16::MAX)) as u16
+        })
+        .collect();
+    if bends.is_empty() {
+        return MAX_BEND;
+    }
+    let middle = bends.len() / 2;
+    let median = *bends.select_nth_unstable(middle).1;
+    MAX_BEND.max((BEND_SD * f32::from(median)).min(16000.0) as u16)
+}

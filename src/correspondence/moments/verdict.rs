@@ -1,0 +1,275 @@
+//! The verdict over whole surfaces.
+//!
+//! ```text
+//! unite parts whose pixels continue each other's absolute phase: components
+//! ratio of a component = Σ over its parts of the ratio of their moments about the offset of the component
+//!                        + ratio of that offset, paid once
+//!                        + evidence of occupancy: the share of its places in C2 that no better founded component holds
+//! a component below the least ratio is dropped
+//! of two points in one place of C2, that of the better founded component stays
+//! ```
+
+use rayon::prelude::*;
+
+use super::likelihood::{FLOOR_NATS, Widths, ln, ratio_of_offset};
+use super::nodes::NONE;
+use super::{Part, Pixels};
+use crate::correspondence::disjoint_sets::DisjointSets;
+use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::view::View;
+
+/// Least ratio of a part within a component, nats.
+const PART_FLOOR_NATS: f32 = -4.0;
+/// Exponent of the share of free places: its density for a true surface is (1 + e)·shareᵉ.
+const FREE_EXPONENT: f32 = 4.0;
+/// Least share of free places that is counted.
+const MIN_FREE: f32 = 0.02;
+
+/// Reach of the places around a contested one, in which claims are counted, pixels.
+const CLAIM_REACH: isize = 2;
+
+/// What it is worth that a surface is the nearer one of two, nats.
+const NEARER_NATS: f32 = 1.5;
+
+/// What is known of a component.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Component {
+    /// Log likelihood ratio, nats; the same per part; and its points.
+    pub(super) nats: f32,
+    pub(super) mean_nats: f32,
+    pub(super) size_px: u32,
+    offset: f32,
+    weight: f32,
+    parts: u32,
+}
+
+/// Components and places; kept from image to image.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Verdict {
+    sets: DisjointSets,
+    /// The component of each part.
+    pub(super) component_of: Vec<u32>,
+    pub(super) components: Vec<Component>,
+    /// Ratio of each part within its component, nats.
+    nats_of: Vec<f32>,
+    /// Place in C2 of each pixel; [`NONE`] if undecided.
+    places: Vec<u32>,
+    /// Pixel that holds each place of C2.
+    owners: Vec<u32>,
+}
+
+impl Verdict {
+    /// Forms components of the decided pixels, and computes their ratios.
+    pub(super) fn judge(
+        &mut self,
+        view: View<'_>,
+        parts: &[Part],
+        widths_of: impl Fn(u8) -> Widths,
+        offset_width: f32,
+        pixels: &Pixels<'_>,
+    ) {
+        self.unite(view, parts, pixels);
+        let count = self.sets_of(parts.len());
+        let Self { component_of, components, nats_of, .. } = self;
+        nats_of.clear();
+        nats_of.resize(parts.len(), 0.0);
+        components.clear();
+        components.resize(count, Component::default());
+        let mut sizes = vec![0_u32; parts.len()];
+        for owner in pixels.owner.iter().filter(|owner| **owner != NONE) {
+            sizes[*owner as usize] += 1;
+        }
+        for (i, part) in parts.iter().enumerate() {
+            let own = &mut components[component_of[i] as usize];
+            own.size_px += sizes[i];
+            if let Some(moments) = part.moments.filter(|_| sizes[i] > 0) {
+                own.offset += moments.count * moments.mean;
+                own.weight += moments.count;
+            }
+        }
+        for own in components.iter_mut() {
+            own.offset = if own.weight > 0.0 { own.offset / own.weight } else { 0.0 };
+            own.nats = if own.weight > 0.0 { ratio_of_offset(own.offset, offset_width) } else { 0.0 };
+        }
+        for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
+            let own = &mut components[component_of[i] as usize];
+            let nats = match part.moments {
+                Some(moments) => moments.ratio(own.offset, &widths_of(part.level)),
+                None => FLOOR_NATS,
+            };
+            nats_of[i] = nats.max(PART_FLOOR_NATS);
+            own.nats += nats_of[i];
+            own.parts += 1;
+        }
+        components.iter_mut().for_each(|own| own.mean_nats = own.nats / own.parts.max(1) as f32);
+        self.find_places(view, pixels);
+        self.count_free_places(view, pixels);
+    }
+
+    fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
+        let (width, phase) = (view.cam1.width, &view.cam1.phase);
+        let (owner, order) = (&*pixels.owner, &pixels.chosen.order);
+        let pairs: Vec<Vec<[u32; 2]>> = (0..view.cam1.height)
+            .into_par_iter()
+            .map(|v| {
+                let mut pairs = Vec::new();
+                let mut last = [NONE; 2];
+                let row = v * width;
+                for pixel in row..row + width {
+                    let right = (pixel + 1 < row + width).then(|| pixel + 1);
+                    let below = (pixel + width < owner.len()).then(|| pixel + width);
+                    for other in [right, below].into_iter().flatten() {
+                        let pair = [owner[pixel], owner[other]];
+                        if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
+                            continue;
+                        }
+                        let absolute = |pixel: usize| (i32::from(order[pixel]) << 16) + i32::from(phase[pixel]);
+                        if (absolute(pixel) - absolute(other)).abs() <= MAX_STEP {
+                            pairs.push(pair);
+                            last = pair;
+                        }
+                    }
+                }
+                pairs
+            })
+            .collect();
+        self.sets.reset(parts.iter().map(|_| 1));
+        for [a, b] in pairs.into_iter().flatten() {
+            self.sets.unite(a, b, 0);
+        }
+    }
+
+    fn sets_of(&mut self, parts: usize) -> usize {
+        let Self { sets, component_of, .. } = self;
+        component_of.clear();
+        component_of.reserve(parts);
+        sets.number(|_, offset| component_of.push(offset.set))
+    }
+
+    /// The place of C2 of each decided pixel.
+    fn find_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
+        let (width, columns) = (view.cam1.width, view.cam2.width);
+        self.places.resize(pixels.owner.len(), NONE);
+        let last = (view.cam2.phase.len() / columns.max(1)).saturating_sub(1) as f32;
+        let rows = self.places.par_chunks_mut(width).enumerate();
+        rows.for_each_init(SegmentRow::default, |segments, (v, places)| {
+            let own = v * width..(v + 1) * width;
+            let owners = &pixels.owner[own.clone()];
+            places.fill(NONE);
+            if owners.iter().all(|owner| *owner == NONE) {
+                return;
+            }
+            view.table.row(v, segments);
+            for ((u, place), column_px) in places.iter_mut().enumerate().zip(&pixels.chosen.column_px[own]) {
+                if owners[u] != NONE {
+                    let row = (segments.row_px[u] + 0.5).clamp(0.0, last) as u32;
+                    *place = row * columns as u32 + (column_px + 0.5).clamp(0.0, (columns - 1) as f32) as u32;
+                }
+            }
+        });
+    }
+
+    /// Adds the evidence of occupancy to the components.
+    fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
+        self.claim(view, pixels);
+        let Self { component_of, components, places, owners, .. } = self;
+        let mut counts = vec![[0_u32; 2]; components.len()];
+        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
+            let own = component_of[pixels.owner[pixel] as usize];
+            let top = owners[place as usize] as usize;
+            let is_taken = component_of[pixels.owner[top] as usize] != own && is_other(view, pixels, pixel, top);
+            counts[own as usize][0] += 1;
+            counts[own as usize][1] += u32::from(is_taken);
+        }
+        for (own, [all, taken]) in components.iter_mut().zip(counts).filter(|(_, [all, _])| *all > 0) {
+            let free = (1.0 - taken as f32 / all as f32).max(MIN_FREE);
+            own.nats += own.parts as f32 * (FREE_EXPONENT * ln(free)).max(-8.0);
+            own.mean_nats = own.nats / own.parts.max(1) as f32;
+        }
+    }
+
+    /// Gives each place of C2 to the best founded component with a point there.
+    fn claim(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
+        let Self { component_of, components, nats_of, places, owners, .. } = self;
+        owners.clear();
+        owners.resize(view.cam2.phase.len(), NONE);
+        // Its own evidence, and the odds that its surface stands.
+        let founded = |pixel: usize| {
+            let part = pixels.owner[pixel] as usize;
+            nats_of[part] + ln(components[component_of[part] as usize].nats.max(1.0))
+        };
+        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
+            let owner = &mut owners[place as usize];
+            if *owner == NONE || founded(pixel) > founded(*owner as usize) {
+                *owner = pixel as u32;
+            }
+        }
+    }
+
+    /// Pixels whose place a better founded component holds. A surface that C2 sees claims all places around it; one that
+    /// it does not see claims a few by chance.
+    pub(super) fn taken(&mut self, view: View<'_>, pixels: &Pixels<'_>) -> Vec<u32> {
+        self.find_places(view, pixels);
+        self.claim(view, pixels);
+        let Self { component_of, components, nats_of, places, owners, .. } = self;
+        let component = |pixel: u32| component_of[pixels.owner[pixel as usize] as usize];
+        // A second pixel of another surface in the same place.
+        let mut others = vec![NONE; owners.len()];
+        let mut contested = Vec::new();
+        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
+            let owner = owners[place as usize];
+            if is_other(view, pixels, pixel, owner as usize) {
+                others[place as usize] = pixel as u32;
+                contested.push(pixel as u32);
+            }
+        }
+        let columns = view.cam2.width;
+        let density = |pixel: u32, own: u32| {
+            let place = places[pixel as usize] as usize;
+            let mut count = 0_u32;
+            for row in -CLAIM_REACH..=CLAIM_REACH {
+                for column in -CLAIM_REACH..=CLAIM_REACH {
+                    let at = place as isize + row * columns as isize + column;
+                    let claims =
+                        |of: &[u32]| of.get(at as usize).is_some_and(|&claim| claim != NONE && component(claim) == own);
+                    count += u32::from(claims(owners) || claims(&others));
+                }
+            }
+            let all = (2 * CLAIM_REACH + 1) * (2 * CLAIM_REACH + 1);
+            FREE_EXPONENT * ln(count.max(1) as f32 / all as f32)
+        };
+        let founded = |pixel: u32| {
+            let part = pixels.owner[pixel as usize] as usize;
+            let own = component_of[part];
+            nats_of[part] + ln(components[own as usize].nats.max(1.0)) + density(pixel, own)
+        };
+        let mut lost: Vec<u32> = Vec::new();
+        for &pixel in &contested {
+            let owner = owners[places[pixel as usize] as usize];
+            // Of two surfaces that are founded alike, the nearer one hides the other from C2.
+            let is_nearer = view.table.nearness_to_cam2(pixel as usize) > view.table.nearness_to_cam2(owner as usize);
+            let nearer = if is_nearer { NEARER_NATS } else { -NEARER_NATS };
+            lost.push(if founded(pixel) + nearer > founded(owner) { owner } else { pixel });
+        }
+        lost.sort_unstable();
+        lost.dedup();
+        lost
+    }
+
+    /// Log odds of a part, nats: its own evidence, and the odds that its surface stands.
+    pub(super) fn log_odds(&self, owner: u32) -> f32 {
+        self.nats_of[owner as usize] + ln(self.of(owner).nats.max(1.0))
+    }
+
+    /// The component of a decided pixel.
+    pub(super) fn of(&self, owner: u32) -> &Component {
+        &self.components[self.component_of[owner as usize] as usize]
+    }
+}
+
+/// Whether two points in one place of C2 are not of one surface: their absolute phases differ.
+fn is_other(view: View<'_>, pixels: &Pixels<'_>, a: usize, b: usize) -> bool {
+    let absolute = |pixel: usize| (i32::from(pixels.chosen.order[pixel]) << 16) + i32::from(view.cam1.phase[pixel]);
+    (absolute(a) - absolute(b)).abs() > MAX_STEP
+}
