@@ -48,6 +48,9 @@ const PERIOD_SPREAD: f64 = 2.5;
 /// Largest depth of the volume, relative to its distance from the sensor.
 const MAX_DEPTH_SHARE: f64 = 0.8;
 const MAX_DEPTH_M: f64 = 0.3;
+/// Smallest distance of the sensor from the near face of the volume with a hand, which would fill the image otherwise,
+/// metres.
+const HAND_ROOM_M: f64 = 0.15;
 /// Albedo of the brightest part for which the exposure is chosen, at least.
 const LEAST_EXPOSED_ALBEDO: f64 = 0.15;
 
@@ -196,7 +199,8 @@ fn staging(
         _ => within([0.3, 0.9], rng),
     };
     let gloss = if kind == SceneKind::Glossy { within([0.2, 3.0], rng) } else { 0.0 };
-    let hand = kind == SceneKind::Before && chance(0.35, rng);
+    let room_m = rig.arrangement.distance_m - rig.depth_m / 2.0;
+    let hand = kind == SceneKind::Before && chance(0.35, rng) && room_m > HAND_ROOM_M;
     let motion = (kind == SceneKind::Moving).then(|| motion(steps, seed, rng));
     Staging { shift_mm, covered: None, share_percent, albedo: Some(albedo), gloss, hand, motion }
 }
