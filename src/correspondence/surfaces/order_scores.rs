@@ -258,9 +258,12 @@ pub(in crate::correspondence) fn signed_residual_turns<L: Lanes>(
 ) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
     let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
+    // Beyond C1, the projector sees a nearer point move against the way in which C2 sees it move.
     let steepness = lanes.times_float(slope, per_turn);
-    let steepness = lanes.max_amount(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0));
-    lanes.over(lanes.sub_float(lanes.float(0.0), off), steepness)
+    let amount = lanes.max_amount(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0));
+    let minus_off = lanes.sub_float(lanes.float(0.0), off);
+    let is_against = lanes.reaches(lanes.float(0.0), steepness);
+    lanes.over(lanes.select_float(is_against, off, minus_off), amount)
 }
 
 /// The phase of C2 around many columns of the row of one pixel.
