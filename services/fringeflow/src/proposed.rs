@@ -80,6 +80,11 @@ pub(crate) struct ProposedOutput {
 }
 
 impl ProposedArgs {
+    /// The resolution method that the options ask for, else the default one.
+    pub(crate) fn resolution(&self) -> ResolutionMethod {
+        self.measuring.resolution.unwrap_or_default()
+    }
+
     /// Default options with this resolution.
     pub(crate) fn with_resolution(method: ResolutionMethod) -> Self {
         let measuring = MeasuringArgs { resolution: Some(method), ..MeasuringArgs::default() };

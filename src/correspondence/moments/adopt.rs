@@ -19,6 +19,8 @@ use crate::correspondence::pixel_search::PixelSearch;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
+/// How far δ of a pixel at a rim may be off at least, rad: there two surfaces mix.
+const RIM_RAD: f32 = 0.15;
 /// Rounds: how many pixels deep a rim is.
 const ROUNDS: usize = 3;
 
@@ -116,7 +118,7 @@ fn adopt_row(
         let mut best: Option<(f32, Adopted)> = None;
         for &(order, part) in &tried[..count] {
             let offset = parts[part as usize].offset / radians(1.0);
-            let reach = MAX_Z * sd / radians(1.0);
+            let reach = (MAX_Z * sd).max(RIM_RAD) / radians(1.0);
             let Some([begin, end]) = search.columns_of(order, reach + offset.abs()) else { continue };
             let mut consider = |column_px: f32, slope: i32| {
                 let (found, rest) = search.order_and_residual(column_px);

@@ -13,12 +13,13 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
+use super::field::Beyond;
 use super::likelihood::{FLOOR_NATS, Look, Moments, Sums, Widths, radians};
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
 use crate::correspondence::drift::{DepthRow, Drift};
 use crate::correspondence::pool::Pool;
-use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::segment::{Segment, SegmentRow};
 use crate::correspondence::surfaces::order_scores::{
     Gate, OrderScorer, Orders, RestsOfOrders, SearchSpace, rests_of_orders,
 };
@@ -39,7 +40,7 @@ pub(super) type Scores = [i16; LABELS];
 
 /// How the nodes of a level are sampled and judged.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Question {
+pub(super) struct Question<'a> {
     /// Distance of the samples of large nodes, pixels.
     pub(super) stride_px: usize,
     /// Fewest pixels of a node that is judged.
@@ -47,8 +48,11 @@ pub(super) struct Question {
     /// |δ − field| below which a sample fits, rad.
     pub(super) cap: f32,
     pub(super) widths: Widths,
-    /// Handicap of orders outside the volume, nats.
-    pub(super) outside_nats: f32,
+    /// Handicap of orders outside the volume, nats: at most for a node, and for a whole surface.
+    pub(super) outside_nats: [f32; 2],
+    /// Nodes of each surface.
+    pub(super) of_surface: &'a [u32],
+    pub(super) beyond: Beyond,
     pub(super) noise: Noise,
     /// Whether the epipolar lines run along the columns of C1.
     pub(super) is_vertical: bool,
@@ -83,7 +87,7 @@ impl Evidence {
         space: &SearchSpace,
         runs: &PhaseRuns,
         nodes: &mut Nodes,
-        question: &Question,
+        question: &Question<'_>,
     ) {
         let Self { scores, fits, ranges, bands, pool } = self;
         scores.resize(nodes.nodes.len(), [0; LABELS]);
@@ -138,7 +142,9 @@ impl Evidence {
                     let sums = fringeflow_simd::run(Level::in_use(), kernel);
                     node.sampled = sums.sampled;
                     node.noise = sums.noise / (sums.sampled.max(1)) as f32;
-                    sums.judge(node.noise, question, scores, fits);
+                    let [most, whole] = question.outside_nats;
+                    let handicap = most.min(whole / question.of_surface[node.surface as usize] as f32);
+                    sums.judge(node.noise, question, handicap, scores, fits);
                 } else {
                     *scores = [0; LABELS];
                 }
@@ -203,30 +209,43 @@ struct NodeSums {
     sums: [[f32; ROOM]; SUMS],
     sampled: u32,
     noise: f32,
+    /// A segment of the node with the absolute phase of label 0 there, turns, and half a segment, pixels.
+    middle: Option<(Segment, f32)>,
+    half_px: f32,
     /// First and last label any sample had, and those in the volume.
     labels: [i32; 2],
     inside: [f32; 2],
 }
 
 impl NodeSums {
+    /// Distance of a label from the middle of the segment, half segments.
+    fn place(&self, label: f32) -> f32 {
+        self.middle.map_or(0.0, |(segment, zero)| {
+            (segment.column_and_columns_per_turn(zero + label).0 - segment.reference_px) / self.half_px
+        })
+    }
+
     /// Scores of all labels, and the fits.
-    fn judge(&self, noise: f32, question: &Question, scores: &mut Scores, fits: &mut Vec<Fit>) {
+    fn judge(&self, noise: f32, question: &Question<'_>, outside_nats: f32, scores: &mut Scores, fits: &mut Vec<Fit>) {
         let score = |nats: f32| (nats * STEPS_PER_NAT) as i16;
         *scores = [score(UNSEEN_NATS); LABELS];
         scores[usize::from(NOTHING)] = score(NOTHING_NATS);
         let [first, last] = self.labels;
-        let widest = question.widths.wrong_slopes[0].max(question.widths.slope);
+        let widest = question.widths.wrong_slopes[0].max(question.widths.slopes[0]);
         for label in first.max(0)..=last.min(i32::from(NOTHING) - 1) {
             let at = label as usize;
             let [seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee] = std::array::from_fn(|k| self.sums[k][at]);
             let sums = Sums { seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee };
             let is_inside = label as f32 >= self.inside[0] && label as f32 <= self.inside[1];
-            let handicap = if is_inside { 0.0 } else { question.outside_nats };
+            let handicap = if is_inside { 0.0 } else { outside_nats };
             let nats = match sums.look(self.sampled as f32, noise, widest) {
                 Look::Unseen => UNSEEN_NATS,
                 Look::Unfit => FLOOR_NATS,
                 Look::Fits(moments) => {
-                    let ratio = moments.ratio(0.0, &question.widths);
+                    let place = self.place(label as f32);
+                    let mean = question.widths.mean;
+                    let mean = (mean * mean + question.beyond.variance(place)).sqrt();
+                    let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths });
                     fits.push(Fit { label: label as u8, ratio, moments });
                     ratio
                 }
@@ -246,7 +265,7 @@ struct NodeKernel<'a> {
     stride: usize,
     first_row: usize,
     tile_px: usize,
-    question: &'a Question,
+    question: &'a Question<'a>,
     rows: &'a [Row],
 }
 
@@ -260,6 +279,8 @@ impl Kernel for NodeKernel<'_> {
             sums: [[0.0; ROOM]; SUMS],
             sampled: 0,
             noise: 0.0,
+            middle: None,
+            half_px: space.half_px,
             labels: [i32::MAX, i32::MIN],
             inside: [f32::INFINITY, f32::NEG_INFINITY],
         };
@@ -293,6 +314,7 @@ impl Kernel for NodeKernel<'_> {
                 let Some(orders) = scorer.orders() else { continue };
                 let relative = piece.offset + i32::from(runs.relative[pixel]);
                 let zero = relative + node.base;
+                all.middle = Some((segment, zero as f32 + f32::from(phase) / 65536.0));
                 let ends = segment.limits_px().map(|px| segment.phase_turns(px) - f32::from(phase) / 65536.0);
                 all.inside[0] = all.inside[0].min(ends[0].min(ends[1]) - zero as f32 - 0.5);
                 all.inside[1] = all.inside[1].max(ends[0].max(ends[1]) - zero as f32 + 0.5);

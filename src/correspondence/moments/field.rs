@@ -28,9 +28,65 @@ const NODES_PER_OBSERVATION: f64 = 4.0;
 /// Fewest nodes of a fit, and most used.
 const MIN_NODES: usize = 6;
 const MAX_NODES: usize = 1200;
+/// Pixels along each axis, and step of depth in half segments, by which the uncertainty beyond is measured.
+const PLACES: usize = 3;
+const STEP: f64 = 0.1;
+/// Greatest distance from the edge of the volume, half segments.
+const FARTHEST: f32 = 30.0;
 /// Rounds of weights, and Tukey's constant.
 const ROUNDS: usize = 8;
 const TUKEY: f64 = 4.7;
+
+/// How much less certain the field is beyond the depths of the volume, where it is continued along straight lines: what
+/// is added to the variance of δ, rad², as a square function of the distance from the edge, half segments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Beyond {
+    /// Factors of the distance and of its square.
+    terms: [f32; 2],
+}
+
+impl Beyond {
+    fn new(table: &SegmentTable, covariance: &DMatrix<f64>) -> Self {
+        let Some(modes) = table.drift_modes() else { return Self::default() };
+        let size = table.size_px();
+        let mut sums = [0.0; 2];
+        let mut count = 0.0;
+        for i in 0..PLACES * PLACES {
+            let pixel = [i % PLACES, i / PLACES];
+            let pixel: [usize; 2] = std::array::from_fn(|k| size[k] * (2 * pixel[k] + 1) / (2 * PLACES));
+            let segment = table.segment(pixel[1] * size[0] + pixel[0]);
+            if segment.is_none() {
+                continue;
+            }
+            let half_px = modes.half_segment_px();
+            for side in [-1.0, 1.0] {
+                let row = |at: f64| {
+                    let mut row = vec![1.0];
+                    modes.append_deltas(
+                        pixel,
+                        (f64::from(segment.reference_px) + side * at * half_px) as f32,
+                        &mut row,
+                    );
+                    DVector::from_vec(row)
+                };
+                let edge = row(1.0);
+                let rise = (&edge - row(1.0 - STEP)) / STEP;
+                let product = |a: &DVector<f64>, b: &DVector<f64>| (a.transpose() * covariance * b)[(0, 0)] * TAU * TAU;
+                sums[0] += 2.0 * product(&edge, &rise);
+                sums[1] += product(&rise, &rise);
+                count += 1.0;
+            }
+        }
+        Self { terms: sums.map(|sum| (sum / f64::max(count, 1.0)) as f32) }
+    }
+
+    /// What is added at a distance from the middle of the segment, half segments, rad².
+    pub(super) fn variance(&self, place: f32) -> f32 {
+        let beyond = (place.abs() - 1.0).clamp(0.0, FARTHEST);
+        let [linear, square] = self.terms;
+        (beyond * (linear + beyond * square)).max(0.0)
+    }
+}
 
 /// The mean of δ of a decided node.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +106,7 @@ pub(super) fn fit(
     nodes: &Nodes,
     evidence: &Evidence,
     is_clear: impl Fn(usize) -> bool,
-) -> Option<Drift> {
+) -> Option<(Drift, Beyond)> {
     let mut seen = observations(view, runs, nodes, evidence, is_clear);
     if seen.len() < MIN_NODES {
         return None;
@@ -77,6 +133,7 @@ pub(super) fn fit(
         DVector::from_iterator(seen.len(), seen.iter().map(|own| own.rest_turns)) + &rows * &present_coefficients;
     let mut solution = present_coefficients;
     let mut sd = 0.0;
+    let mut covariance = DMatrix::zeros(count, count);
     for round in 0..ROUNDS {
         let rest = &delta - &rows * &solution;
         let mut sizes: Vec<f64> = rest.iter().map(|r| r.abs()).collect();
@@ -109,9 +166,12 @@ pub(super) fn fit(
                 normal[(k, j)] = normal[(j, k)];
             }
         }
-        solution = normal.cholesky()?.solve(&right);
+        let root = normal.cholesky()?;
+        solution = root.solve(&right);
+        covariance = root.inverse();
     }
-    Some(Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU))
+    let beyond = Beyond::new(view.table, &covariance);
+    Some((Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU), beyond))
 }
 
 fn observations(

@@ -5,7 +5,8 @@
 //! ```
 
 use super::evidence::Evidence;
-use super::likelihood::Widths;
+use super::field::Beyond;
+use super::likelihood::{Moments, Widths};
 use super::nodes::Nodes;
 use super::noise::Noise;
 use super::{Scratch, field};
@@ -13,16 +14,15 @@ use crate::correspondence::drift::Drift;
 use crate::correspondence::surfaces::order_scores::SearchSpace;
 use crate::correspondence::view::View;
 
+/// Rounds of learning.
+const ROUNDS: usize = 3;
 /// |δ − field| below which a sample fits: about no field, and about the fitted one, rad.
 const FIRST_CAP: f32 = 0.3;
-pub(super) const CAP: f32 = 0.2;
-/// sd of the mean of δ of a true order about the field, rad: at first, and finally.
+const CAP: f32 = 0.2;
+/// sd of the mean of δ of a true order about no field, rad.
 const FIRST_MEAN_SD: f32 = 0.06;
-const MEAN_SD: f32 = 0.015;
 /// Spread of the mean of a wrong order given that of its neighbours, rad per largest tile.
 const WRONG_MEAN: f32 = 0.8;
-/// sd of the slopes of a true order, rad per half tile.
-const SLOPE_SD: f32 = 0.03;
 /// Widths of wrong slopes until they are measured, rad per half tile.
 const WRONG_SLOPES: [f32; 2] = [0.2, 0.1];
 /// Nats, lead and share of a node from which field and noise are learned.
@@ -30,14 +30,23 @@ const CLEAR_NATS: f32 = 3.0;
 const CLEAR_SHARE: f32 = 0.7;
 /// |x| of Student's t with three degrees of freedom that half of its values exceed.
 const STUDENT_MEDIAN: f32 = 0.765;
-/// Fewest wrong slopes that are measured.
-const MIN_SLOPES: usize = 50;
+/// Widths of mean, rad, and slopes, rad per half tile, of true orders where they cannot be measured, and their limits.
+const USUAL_WIDTHS: [f32; 3] = [0.015, 0.03, 0.03];
+const TRUE_WIDTHS: [f32; 2] = [0.01, 0.04];
+/// Fewest values from which a width is measured.
+const MIN_VALUES: usize = 50;
 
 /// What is learned of the images.
 pub(super) struct Learned {
     pub(super) field: Drift,
     pub(super) noise: Noise,
     pub(super) widths: Widths,
+    /// Uncertainty of the field beyond the volume.
+    pub(super) beyond: Beyond,
+    /// |δ − field| below which a sample fits, rad.
+    pub(super) cap: f32,
+    /// Whether this is the last round, about the final field.
+    pub(super) is_settled: bool,
 }
 
 impl Scratch {
@@ -50,11 +59,23 @@ impl Scratch {
         known: Option<&Drift>,
     ) -> Learned {
         let field = known.cloned().unwrap_or_else(|| Drift::level(0.0, f64::from(FIRST_MEAN_SD)));
-        let widths = Widths { mean: FIRST_MEAN_SD, slope: SLOPE_SD, wrong_slopes: WRONG_SLOPES, wrong_mean: None };
-        let mut learned = Learned { field, noise: Noise::default(), widths };
-        for (cap, mean) in [(FIRST_CAP, FIRST_MEAN_SD), (CAP, 2.0 * MEAN_SD), (CAP, MEAN_SD)] {
-            learned.widths.mean = mean;
-            self.ask(view, space, tile_px, 0, &learned, cap, &[]);
+        let widths = Widths {
+            mean: FIRST_MEAN_SD,
+            slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
+            wrong_slopes: WRONG_SLOPES,
+            wrong_mean: None,
+        };
+        let mut learned = Learned {
+            field,
+            noise: Noise::default(),
+            widths,
+            beyond: Beyond::default(),
+            cap: FIRST_CAP,
+            is_settled: false,
+        };
+        for round in 0..ROUNDS {
+            learned.is_settled = round + 1 == ROUNDS;
+            self.ask(view, space, tile_px, 0, &learned, &[]);
             let Self { nodes, evidence, .. } = self;
             let is_clear = |i: usize| {
                 let node = &nodes.nodes[i];
@@ -62,11 +83,14 @@ impl Scratch {
                 node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
             };
             if let Some(found) = field::fit(view, &learned.field, &self.runs, nodes, evidence, is_clear) {
-                learned.field = found;
+                (learned.field, learned.beyond) = found;
             }
             learned.noise = learned.noise.learn(view, nodes, evidence, is_clear);
             learned.widths.wrong_slopes =
                 wrong_slopes(nodes, evidence, is_clear).unwrap_or(learned.widths.wrong_slopes);
+            let [mean, along, across] = true_widths(nodes, evidence, is_clear).unwrap_or(USUAL_WIDTHS);
+            (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
+            learned.cap = CAP;
         }
         learned
     }
@@ -76,15 +100,21 @@ impl Learned {
     /// Widths for the tiles of a level: slopes are counted per half tile.
     pub(super) fn widths_at(&self, level: u8) -> Widths {
         let share = 1.0 / f32::from(1_u16 << level);
-        let Widths { mean, slope, wrong_slopes, .. } = self.widths;
-        let wrong_mean = (level > 0).then(|| wrong_mean(level));
-        Widths { mean, slope: slope * share, wrong_slopes: wrong_slopes.map(|width| width * share), wrong_mean }
+        let Widths { mean, slopes, wrong_slopes, .. } = self.widths;
+        let wrong_mean = (level > 0).then_some(WRONG_MEAN * share);
+        Widths {
+            mean,
+            slopes: slopes.map(|width| width * share),
+            wrong_slopes: wrong_slopes.map(|width| width * share),
+            wrong_mean,
+        }
     }
-}
 
-/// Spread of the mean of a wrong order given that of its neighbours, in the tiles of a level, rad.
-pub(super) fn wrong_mean(level: u8) -> f32 {
-    WRONG_MEAN / f32::from(1_u16 << level)
+    /// As [`Self::widths_at`], for a node beside another one of its order.
+    pub(super) fn widths_beside(&self, level: u8) -> Widths {
+        let wrong_mean = Some(WRONG_MEAN / f32::from(1_u16 << level));
+        Widths { wrong_mean, ..self.widths_at(level) }
+    }
 }
 
 /// The widths of slopes of wrong orders: of the labels of clear nodes other than the decided one.
@@ -95,10 +125,25 @@ fn wrong_slopes(nodes: &Nodes, evidence: &Evidence, is_clear: impl Fn(usize) -> 
             (0..2).for_each(|axis| slopes[axis].push(fit.moments.slopes[axis].abs()));
         }
     }
-    (slopes[0].len() >= MIN_SLOPES).then(|| {
-        slopes.map(|mut slopes| {
-            slopes.sort_by(f32::total_cmp);
-            slopes[slopes.len() / 2] / STUDENT_MEDIAN
-        })
-    })
+    widths(slopes)
+}
+
+/// The widths of mean and slopes of true orders: of the decided labels of clear nodes.
+fn true_widths(nodes: &Nodes, evidence: &Evidence, is_clear: impl Fn(usize) -> bool) -> Option<[f32; 3]> {
+    let mut seen = [Vec::new(), Vec::new(), Vec::new()];
+    for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i)) {
+        let Some(fit) = evidence.fit(i, node.label) else { continue };
+        let Moments { mean, slopes: [along, across], .. } = fit.moments;
+        seen.iter_mut().zip([mean, along, across]).for_each(|(seen, value)| seen.push(value.abs()));
+    }
+    widths(seen).map(|widths| widths.map(|width| width.clamp(TRUE_WIDTHS[0], TRUE_WIDTHS[1])))
+}
+
+/// Width of the density of Student's t of each list of amounts, by their median. `None` if they are too few.
+fn widths<const N: usize>(amounts: [Vec<f32>; N]) -> Option<[f32; N]> {
+    let width = |mut amounts: Vec<f32>| {
+        amounts.sort_by(f32::total_cmp);
+        amounts[amounts.len() / 2] / STUDENT_MEDIAN
+    };
+    amounts.iter().all(|amounts| amounts.len() >= MIN_VALUES).then(|| amounts.map(width))
 }

@@ -10,6 +10,8 @@
 //! ratio = ln p(m, a, b, f | true) − ln p(m, a, b, f | wrong)
 //! ```
 //!
+//! The widths of true orders and of the slopes of wrong ones are measured on the images.
+//!
 //! Nothing in the ratio grows with the number of samples: the pixels of a surface are not independent. All densities
 //! are heavy-tailed (Student's t with three degrees of freedom). Angles are in radians.
 
@@ -25,13 +27,15 @@ const MIN_FITTING: f32 = 3.0;
 /// Least share of samples that C2 must see.
 const MIN_SEEN: f32 = 0.2;
 
+/// Widths of the means of nodes within true and within wrong components, rad.
+const CHOSEN_MEANS: [f32; 2] = [0.015, 0.06];
 /// The widths of the densities, radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Widths {
     /// Of the mean of a true order about the field.
     pub(super) mean: f32,
-    /// Of the slopes of a true order, per half tile.
-    pub(super) slope: f32,
+    /// Of the slopes of a true order along and across the epipolar lines, per half tile.
+    pub(super) slopes: [f32; 2],
     /// Of the slopes of a wrong order along and across the epipolar lines, per half tile.
     pub(super) wrong_slopes: [f32; 2],
     /// Of the mean of a wrong order given that of its neighbours; `None`: anywhere on the circle.
@@ -132,10 +136,10 @@ impl Sums {
 impl Moments {
     /// Log likelihood ratio of slopes and share, true against wrong, nats.
     fn ratio_but_mean(&self, widths: &Widths) -> f32 {
-        let slope = widths.slope * widths.slope;
         let mut ratio = SHARE_EXPONENT * ln(self.share) + LN_SHARE;
         for axis in 0..2 {
             let (value, noise) = (self.slopes[axis], self.variance[1 + axis]);
+            let slope = widths.slopes[axis] * widths.slopes[axis];
             // A wrong slope is never narrower than a true one.
             let wrong = (widths.wrong_slopes[axis] * widths.wrong_slopes[axis]).max(slope);
             ratio += student(value, slope + noise) - student(value, wrong + noise);
@@ -151,6 +155,14 @@ impl Moments {
             None => -LN_TAU,
         };
         student(off, widths.mean * widths.mean + noise) - wrong
+    }
+
+    /// Log likelihood ratio of the mean within a component that was chosen, nats. The means of a wrong one lie all over
+    /// the reach about the field.
+    pub(super) fn ratio_within(&self) -> f32 {
+        let square = |x: f32| x * x;
+        student(self.mean, square(CHOSEN_MEANS[0]) + self.variance[0])
+            - student(self.mean, square(CHOSEN_MEANS[1]) + self.variance[0])
     }
 
     /// Log likelihood ratio of all moments, nats; at least [`FLOOR_NATS`].
@@ -201,7 +213,7 @@ pub(super) fn radians(turns: f32) -> f32 {
 mod tests {
     use super::*;
 
-    const WIDTHS: Widths = Widths { mean: 0.03, slope: 0.03, wrong_slopes: [0.5, 0.2], wrong_mean: None };
+    const WIDTHS: Widths = Widths { mean: 0.03, slopes: [0.03; 2], wrong_slopes: [0.5, 0.2], wrong_mean: None };
 
     fn tile(delta: impl Fn(f32, f32) -> f32) -> Sums {
         let mut sums = Sums::default();
@@ -244,6 +256,13 @@ mod tests {
                 *last = now;
             }
         }
+    }
+
+    #[test]
+    fn within_a_component_only_a_small_mean_speaks_for_it() {
+        let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within();
+        assert!(ratio(0.0) > 1.0 && ratio(0.1) < -1.0);
+        assert!((0..20).all(|i| ratio(0.01 * i as f32) > ratio(0.01 * (i + 1) as f32)));
     }
 
     #[test]

@@ -33,8 +33,8 @@ use fringeflow_base::outcome::Outcome;
 
 use self::belief::Messages;
 use self::evidence::{Evidence, Question};
-use self::learned::{CAP, Learned, wrong_mean};
-use self::likelihood::{Moments, Widths, radians, student_cost};
+use self::learned::Learned;
+use self::likelihood::Moments;
 use self::look::TileRow;
 use self::nodes::{LABELS, NONE, Nodes};
 use self::verdict::Verdict;
@@ -62,10 +62,12 @@ const LARGE_PX: usize = 800_000;
 const LEVELS: u8 = 3;
 /// Price of a change of order along a surface, nats, at the largest tile; it falls with the root of the side.
 const PRICE_NATS: f32 = 5.0;
-/// Handicap of an order outside the volume, nats: people hold the object into it.
-const OUTSIDE_NATS: f32 = 4.0;
+/// Handicap of an order outside the volume, nats: people hold the object into it. A surface bears it once, in equal parts
+/// by its nodes, but no node more than the first; while the field is learned, each node bears the first.
+const OUTSIDE_NODE_NATS: f32 = 4.0;
+const OUTSIDE_NATS: f32 = 30.0;
 /// Least ratio of a surface to stand, nats.
-const STAND_NATS: f32 = 15.0;
+const STAND_NATS: f32 = 0.0;
 /// sd of the offset of a surface from the field, rad.
 const OFFSET_SD: f32 = 0.05;
 /// Distance of the pixels whose bend is measured, and limit of bends, medians of their size: 2.5 sd.
@@ -116,6 +118,8 @@ pub(super) struct Scratch {
     runs: PhaseRuns,
     bases: Vec<i32>,
     nodes: Nodes,
+    /// Nodes of each surface.
+    of_surface: Vec<u32>,
     evidence: Evidence,
     messages: Messages,
     sets: DisjointSets,
@@ -150,15 +154,14 @@ impl Scratch {
         let learned = self.learn(view, &space, tile_px, known);
         for level in 0..LEVELS {
             if level > 0 {
-                self.ask(view, &space, tile_px, level, &learned, CAP, pixels.state);
+                self.ask(view, &space, tile_px, level, &learned, pixels.state);
             }
             self.keep(view, level, &learned, &pixels);
             let parts = (&self.part_of[..], &self.offsets[..]);
             look::look(view, &learned.field, &self.runs, &self.nodes, parts, learned.noise, &mut pixels, &self.looks);
         }
         adopt::adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
-        let widths_of = |level: u8| Widths { wrong_mean: Some(wrong_mean(level)), ..learned.widths_at(level) };
-        self.verdict.judge(view, &self.parts, widths_of, OFFSET_SD, &pixels);
+        self.verdict.judge(view, &self.parts, &learned, &pixels);
         outcomes.clear();
         outcomes.resize(count, Outcome::RejectedByDelta);
         self.drop_unfounded(view, limits.min_region_px, &mut pixels, outcomes);
@@ -171,7 +174,7 @@ impl Scratch {
                 outcomes[pixel] = self.outcome(view, &pixels, pixel);
             }
             if outcomes[pixel].is_found() {
-                let own = self.confidence(view, &learned, &pixels, pixel);
+                let own = Confidence::of_log_odds(self.verdict.log_odds(pixel, pixels.owner[pixel]));
                 if own.probability() < limits.min_confidence {
                     outcomes[pixel] = Outcome::Ambiguous;
                 } else {
@@ -207,26 +210,23 @@ impl Scratch {
     }
 
     /// Divides what is open into nodes of a level, and decides them.
-    fn ask(
-        &mut self,
-        view: View<'_>,
-        space: &SearchSpace,
-        tile_px: usize,
-        level: u8,
-        learned: &Learned,
-        cap: f32,
-        state: &[u8],
-    ) {
-        let Self { runs, bases, nodes, evidence, messages, .. } = self;
+    fn ask(&mut self, view: View<'_>, space: &SearchSpace, tile_px: usize, level: u8, learned: &Learned, state: &[u8]) {
+        let Self { runs, bases, nodes, of_surface, evidence, messages, .. } = self;
         let size = [view.cam1.width, view.cam1.height];
         let is_all = level == 0;
         nodes.divide(size, tile_px >> level, runs, bases, |pixel| is_all || state[pixel] == OPEN);
+        of_surface.clear();
+        of_surface.resize(runs.surfaces, 0);
+        nodes.nodes.iter().for_each(|node| of_surface[node.surface as usize] += 1);
         let question = Question {
-            stride_px: (tile_px >> level) / 8,
+            // A quarter of the samples is enough to learn from.
+            stride_px: (tile_px >> level) / if learned.is_settled { 8 } else { 4 },
             min_px: if is_all { 16 } else { 4 },
-            cap,
+            cap: learned.cap,
             widths: learned.widths_at(level),
-            outside_nats: OUTSIDE_NATS,
+            outside_nats: [OUTSIDE_NODE_NATS, if learned.is_settled { OUTSIDE_NATS } else { f32::INFINITY }],
+            of_surface,
+            beyond: learned.beyond,
             noise: learned.noise,
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };
@@ -261,14 +261,6 @@ impl Scratch {
             pixels.owner[pixel] = NONE;
             pixels.state[pixel] = OPEN;
         }
-    }
-
-    /// The confidence of a point: the odds of its part and surface, less what its own δ speaks against them.
-    fn confidence(&self, view: View<'_>, learned: &Learned, pixels: &Pixels<'_>, pixel: usize) -> Confidence {
-        let owner = pixels.owner[pixel];
-        let off = radians(f32::from(pixels.rest[pixel]) / 65536.0) - self.parts[owner as usize].offset;
-        let variance = learned.noise.variance(view.cam1.modulation[pixel].grey());
-        Confidence::of_log_odds(self.verdict.log_odds(owner) - student_cost(off * off / variance))
     }
 
     /// The outcome of a pixel that was not dropped.

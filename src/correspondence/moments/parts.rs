@@ -6,19 +6,17 @@
 //! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree
 //! ```
 
-use super::learned::{Learned, wrong_mean};
-use super::likelihood::{Widths, ratio_of_offset};
+use super::learned::Learned;
+use super::likelihood::ratio_of_offset;
 use super::nodes::{NONE, NOTHING, Node, Nodes};
 use super::{OFFSET_SD, Part, Pixels, Scratch};
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 
-/// Least ratio of a component of nodes to be looked at, nats.
+/// Least ratio of a component of nodes to be looked at, nats. Where another order fits the samples of a node better by as
+/// much than the one that its neighbours agree on, the node holds two surfaces, and is left to smaller tiles.
 const LOOK_NATS: f32 = 6.0;
-/// By how much another order may fit the samples of a node better than the one that its neighbours agree on, nats;
-/// beyond it the node holds two surfaces, and is left to smaller tiles.
-const MAX_OUTVOTED_NATS: f32 = 3.0;
 /// Fewest decided neighbours that a node continues.
 const MIN_CONTACTS: u32 = 2;
 
@@ -50,7 +48,7 @@ impl Scratch {
             sum[0] /= sum[1].max(1.0);
             sum[2] = ratio_of_offset(sum[0], OFFSET_SD);
         }
-        let widths = Widths { wrong_mean: Some(wrong_mean(level)), ..learned.widths_at(level) };
+        let widths = learned.widths_beside(level);
         for (i, node) in all.iter().enumerate().filter(|(_, node)| is_judged(node)) {
             let offset = sums[set_of[i]][0];
             let nats = evidence.fit(i, node.label).map_or(node.ratio, |fit| fit.moments.ratio(offset, &widths));
@@ -70,7 +68,7 @@ impl Scratch {
             let offset = sums[set_of[i]][0];
             let own = evidence.fit(i, node.label).map_or(0.0, |fit| fit.moments.ratio(offset, &widths));
             let best = evidence.fits_of(i).iter().fold(0.0_f32, |best, fit| best.max(fit.ratio));
-            let is_own = own > 0.0 && own >= best - MAX_OUTVOTED_NATS;
+            let is_own = own > 0.0 && own >= best - LOOK_NATS;
             let stands = is_judged(node) && is_own && sums[set_of[i]][2] >= LOOK_NATS;
             offsets.push(0.0);
             part_of.push(if stands { parts.len() as u32 } else { NONE });

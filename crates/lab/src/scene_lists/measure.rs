@@ -46,13 +46,13 @@ pub struct SceneFigures {
     pub sd_rad: f64,
     /// Expected false candidates by Eq. (1), from the two above.
     pub efc: f64,
-    /// Scores of the default method.
+    /// Scores of the method that was asked for.
     pub scores: Scores,
     /// Scores of the paper's method; `None` if it finds no cloud.
     pub paper: Option<Scores>,
 }
 
-/// A measured scene, with the results of the default method.
+/// A measured scene, with the results of the method that was asked for.
 pub struct MeasuredScene {
     /// The figures.
     pub figures: SceneFigures,
@@ -63,16 +63,15 @@ pub struct MeasuredScene {
 }
 
 impl ListedScene {
-    /// Measures the scene.
+    /// Measures the scene by a method, and by the paper's.
     ///
     /// # Errors
-    /// [`SceneError`]. A failure of the paper's method alone is none.
-    pub fn measure(&self) -> Result<MeasuredScene, SceneError> {
+    /// [`SceneError`]. A failure of the paper's method beside another is none.
+    pub fn measure(&self, method: ResolutionMethod) -> Result<MeasuredScene, SceneError> {
         let simulation = self.simulation()?;
         let window = Window::take(self, &simulation)?;
         let table = simulation.segment_table()?;
-        let (reconstruction, evaluation) =
-            window.measure(&simulation, table.clone(), Settings::default().matching.method)?;
+        let (reconstruction, evaluation) = window.measure(&simulation, table.clone(), method)?;
         let paper = window.measure(&simulation, table, ResolutionMethod::Paper);
         let summary = simulation.summary();
         let figures = SceneFigures {
@@ -86,10 +85,14 @@ impl ListedScene {
     }
 }
 
-/// Measures scenes, several at once. Calls `on_scene` after each. The figures are in the order of the scenes.
-pub fn measure_all(scenes: &[ListedScene], on_scene: impl Fn() + Sync) -> Vec<Result<SceneFigures, SceneError>> {
+/// Measures scenes by a method, several at once. Calls `on_scene` after each. The figures are in the order of the scenes.
+pub fn measure_all(
+    scenes: &[ListedScene],
+    method: ResolutionMethod,
+    on_scene: impl Fn() + Sync,
+) -> Vec<Result<SceneFigures, SceneError>> {
     let measure = |scene: &ListedScene| {
-        let figures = scene.measure().map(|measured| measured.figures);
+        let figures = scene.measure(method).map(|measured| measured.figures);
         on_scene();
         figures
     };
@@ -179,16 +182,18 @@ mod tests {
 
     #[test]
     fn an_isolated_and_a_moving_scene_are_measured_the_same_every_time() {
-        for kind in [SceneKind::Isolated, SceneKind::Moving] {
+        for (kind, method) in
+            [(SceneKind::Isolated, ResolutionMethod::Moments), (SceneKind::Moving, ResolutionMethod::SemiGlobal)]
+        {
             let number = (0..).find(|&number| SceneList::Build.scene(number).kind == kind).unwrap();
-            let measured = small(number).measure().unwrap();
+            let measured = small(number).measure(method).unwrap();
             let scores = measured.figures.scores;
             assert!(scores.reference > 500 && scores.com_percent > 50.0, "{kind:?}: {scores:?}");
             assert!(measured.figures.paper.is_some());
             let names = measured.pictures().map(|(name, picture)| (name, picture.pixels().is_empty()));
             assert_eq!(names.map(|(name, _)| name)[0], "judgement");
             assert!(names.iter().all(|(_, is_empty)| !is_empty));
-            assert_eq!(small(number).measure().unwrap().figures, measured.figures);
+            assert_eq!(small(number).measure(method).unwrap().figures, measured.figures);
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! SceneList, number ─► ListedScene: kind, layout, options, staging (drawn from the seed of list and number)
-//!                         └─ measure ─► images in memory ─► cloud by the default method, cloud by the paper's method
+//!                         └─ measure ─► images in memory ─► cloud by a method, cloud by the paper's method
 //!                                                              └─► scores by the exact truth
 //! ```
 //!

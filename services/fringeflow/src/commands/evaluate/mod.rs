@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
     #[arg(long, requires = "output")]
     sweep: bool,
-    /// Measure the scenes of a list with the default method and the paper's: build is for building the method, judge for
+    /// Measure the scenes of a list with the method of --resolution and the paper's: build is for building the method, judge for
     /// judging it. Scenes are made in memory. Prints tables by kind, layout and object, and the worst ten. With --output
     /// it writes scenes.csv and pictures of the worst ten.
     #[arg(long, value_name = "LIST", value_parser = one_of(&SceneList::ALL, SceneList::name))]
@@ -135,7 +135,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         &[
             Mode { name: "with --sweep", is_chosen: |args| args.sweep, options: &[] },
             Mode { name: "with --paper", is_chosen: |args| args.paper, options: &[] },
-            Mode { name: "with --scenes", is_chosen: |args| args.scenes.is_some(), options: &[] },
+            Mode { name: "with --scenes", is_chosen: |args| args.scenes.is_some(), options: &["resolution"] },
             Mode { name: "with an INPUT", is_chosen: |_| true, options: PROPOSED_OPTIONS },
         ],
         &[
@@ -154,7 +154,14 @@ impl Args {
             output_folder::prepare(folder)?;
         }
         if let (None, Some(list)) = (&self.input, self.scenes) {
-            return scenes::run(list, self.take, self.only.as_deref(), self.output.as_deref(), self.json);
+            return scenes::run(
+                list,
+                self.proposed.resolution(),
+                self.take,
+                self.only.as_deref(),
+                self.output.as_deref(),
+                self.json,
+            );
         }
         let input = match (&self.input, &self.output) {
             (Some(input), _) => input,

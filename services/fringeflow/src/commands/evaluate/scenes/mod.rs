@@ -1,4 +1,4 @@
-//! `fringeflow evaluate --scenes`: measures the scenes of a list by the default method and by the paper's.
+//! `fringeflow evaluate --scenes`: measures the scenes of a list by a method and by the paper's.
 //!
 //! See [`fringeflow_lab::scene_lists`]. Only the figures of all scenes are kept; the worst scenes are measured again for
 //! their pictures.
@@ -12,6 +12,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use fringeflow::correspondence::ResolutionMethod;
 use fringeflow_base::atomic_file::write_atomically;
 use fringeflow_lab::scene_lists::{
     Layout, ListedScene, SCENES, SceneError, SceneFigures, SceneKind, SceneList, measure_all,
@@ -61,6 +62,7 @@ pub(super) fn names() -> Vec<&'static str> {
 /// Measures the scenes, prints the tables, and writes table and pictures to a folder.
 pub(super) fn run(
     list: SceneList,
+    method: ResolutionMethod,
     take: Option<u16>,
     only: Option<&str>,
     folder: Option<&Path>,
@@ -70,13 +72,13 @@ pub(super) fn run(
     let scenes = (0..SCENES).map(|number| list.scene(number)).filter(chosen);
     let scenes: Vec<ListedScene> = scenes.take(take.map_or(SCENES, usize::from)).collect();
     let bar = progress::bar("scenes", scenes.len() as u64);
-    let figures = measure_all(&scenes, || bar.inc(1));
+    let figures = measure_all(&scenes, method, || bar.inc(1));
     bar.finish_and_clear();
     let rows: Vec<Row> = scenes.iter().zip(figures).map(|(scene, figures)| Row::new(scene, figures)).collect();
     let worst = worst(&rows);
     if let Some(folder) = folder {
         write_atomically(&folder.join("scenes.csv"), |out| table::write(out, &rows))?;
-        write_pictures(folder, &scenes, &worst)?;
+        write_pictures(folder, method, &scenes, &worst)?;
     }
     print(list, &rows, &worst, as_json)?;
     failures(&rows).map_or(Ok(()), Err)
@@ -107,10 +109,15 @@ fn worst(rows: &[Row]) -> Vec<usize> {
 }
 
 /// Measures the worst scenes again, and writes their pictures.
-fn write_pictures(folder: &Path, scenes: &[ListedScene], worst: &[usize]) -> Result<(), Failure> {
+fn write_pictures(
+    folder: &Path,
+    method: ResolutionMethod,
+    scenes: &[ListedScene],
+    worst: &[usize],
+) -> Result<(), Failure> {
     for (rank, &index) in worst.iter().enumerate() {
         let scene = &scenes[index];
-        let measured = scene.measure().map_err(Failure::unusable)?;
+        let measured = scene.measure(method).map_err(Failure::unusable)?;
         for (name, picture) in measured.pictures() {
             let (rank, list, number) = (rank + 1, scene.list.name(), scene.number);
             picture.write_png(&folder.join(format!("worst-{rank:02}-{list}-{number:03}-{name}.png")))?;
