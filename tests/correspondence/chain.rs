@@ -357,7 +357,8 @@ fn moments_decide_where_the_projector_stands_outside_of_the_cameras() {
 fn moments_make_no_points_of_a_board_behind_the_volume() {
     let simulation = simulation_with_board_behind(Object::Tooth, 60.0, 2);
     let scores = scores(&simulation, &reconstruct_by(ResolutionMethod::Moments, &simulation));
-    assert!(scores.com_percent > 85.0 && scores.fpc_percent < 0.5, "{scores:?}");
+    // The board takes a part of the tooth that C1 sees in one piece with it: the default has 93 % there.
+    assert!(scores.com_percent > 80.0 && scores.fpc_percent < 0.5, "{scores:?}");
 }
 
 #[test]
