@@ -133,7 +133,7 @@ pub(super) fn fit(
         DVector::from_iterator(seen.len(), seen.iter().map(|own| own.rest_turns)) + &rows * &present_coefficients;
     let mut solution = present_coefficients;
     let mut sd = 0.0;
-    let mut covariance = DMatrix::zeros(count, count);
+    let mut root = None;
     for round in 0..ROUNDS {
         let rest = &delta - &rows * &solution;
         let mut sizes: Vec<f64> = rest.iter().map(|r| r.abs()).collect();
@@ -166,11 +166,11 @@ pub(super) fn fit(
                 normal[(k, j)] = normal[(j, k)];
             }
         }
-        let root = normal.cholesky()?;
-        solution = root.solve(&right);
-        covariance = root.inverse();
+        let own = normal.cholesky()?;
+        solution = own.solve(&right);
+        root = Some(own);
     }
-    let beyond = Beyond::new(view.table, &covariance);
+    let beyond = Beyond::new(view.table, &root?.inverse());
     Some((Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU), beyond))
 }
 

@@ -1,7 +1,7 @@
 //! What is learned of the images: the error field of the rig, the noise of δ, and the slopes of wrong orders.
 //!
 //! ```text
-//! three times: evidence and belief of the largest nodes; then field, noise and slopes from those that lead clearly
+//! three times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
 //! ```
 
 use super::evidence::Evidence;
@@ -97,23 +97,18 @@ impl Scratch {
 }
 
 impl Learned {
-    /// Widths for the tiles of a level: slopes are counted per half tile.
+    /// Widths for the tiles of a level. A node of the largest tiles is asked without regard to its neighbours.
     pub(super) fn widths_at(&self, level: u8) -> Widths {
-        let share = 1.0 / f32::from(1_u16 << level);
-        let Widths { mean, slopes, wrong_slopes, .. } = self.widths;
-        let wrong_mean = (level > 0).then_some(WRONG_MEAN * share);
-        Widths {
-            mean,
-            slopes: slopes.map(|width| width * share),
-            wrong_slopes: wrong_slopes.map(|width| width * share),
-            wrong_mean,
-        }
+        let beside = self.widths_beside(level);
+        if level == 0 { Widths { wrong_mean: None, ..beside } } else { beside }
     }
 
-    /// As [`Self::widths_at`], for a node beside another one of its order.
+    /// Widths for a node of a level beside another one of its order: slopes are counted per half tile.
     pub(super) fn widths_beside(&self, level: u8) -> Widths {
-        let wrong_mean = Some(WRONG_MEAN / f32::from(1_u16 << level));
-        Widths { wrong_mean, ..self.widths_at(level) }
+        let share = 1.0 / f32::from(1_u16 << level);
+        let Widths { mean, slopes, wrong_slopes, .. } = self.widths;
+        let [slopes, wrong_slopes] = [slopes, wrong_slopes].map(|widths| widths.map(|width| width * share));
+        Widths { mean, slopes, wrong_slopes, wrong_mean: Some(WRONG_MEAN * share) }
     }
 }
 

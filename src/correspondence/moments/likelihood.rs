@@ -29,6 +29,7 @@ const MIN_SEEN: f32 = 0.2;
 
 /// Widths of the means of nodes within true and within wrong components, rad.
 const CHOSEN_MEANS: [f32; 2] = [0.015, 0.06];
+
 /// The widths of the densities, radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Widths {

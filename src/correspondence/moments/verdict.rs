@@ -192,20 +192,17 @@ impl Verdict {
 
     /// Gives each place of C2 to the best founded component with a point there.
     fn claim(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
-        let Self { component_of, components, nats_of, places, owners, costs, .. } = self;
+        let mut owners = std::mem::take(&mut self.owners);
         owners.clear();
         owners.resize(view.cam2.phase.len(), NONE);
-        // Its own evidence, and the odds that its surface stands.
-        let founded = |pixel: usize| {
-            let part = pixels.owner[pixel] as usize;
-            nats_of[part] + ln(components[component_of[part] as usize].nats.max(1.0)) - costs[pixel]
-        };
-        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
+        let founded = |pixel: usize| self.founded(pixel, pixels.owner[pixel], 0.0);
+        for (pixel, &place) in self.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
             let owner = &mut owners[place as usize];
             if *owner == NONE || founded(pixel) > founded(*owner as usize) {
                 *owner = pixel as u32;
             }
         }
+        self.owners = owners;
     }
 
     /// Pixels whose place a better founded component holds. A surface that C2 sees claims all places around it; one that
@@ -213,7 +210,7 @@ impl Verdict {
     pub(super) fn taken(&mut self, view: View<'_>, pixels: &Pixels<'_>) -> Vec<u32> {
         self.find_places(view, pixels);
         self.claim(view, pixels);
-        let Self { component_of, components, nats_of, places, owners, costs, .. } = self;
+        let Self { component_of, places, owners, .. } = &*self;
         let component = |pixel: u32| component_of[pixels.owner[pixel as usize] as usize];
         // A second pixel of another surface in the same place.
         let mut others = vec![NONE; owners.len()];
@@ -241,9 +238,8 @@ impl Verdict {
             FREE_EXPONENT * ln(count.max(1) as f32 / all as f32)
         };
         let founded = |pixel: u32| {
-            let part = pixels.owner[pixel as usize] as usize;
-            let own = component_of[part];
-            nats_of[part] + ln(components[own as usize].nats.max(1.0)) + density(pixel, own) - costs[pixel as usize]
+            let part = pixels.owner[pixel as usize];
+            self.founded(pixel as usize, part, density(pixel, component_of[part as usize]))
         };
         let mut lost: Vec<u32> = Vec::new();
         for &pixel in &contested {
@@ -258,12 +254,22 @@ impl Verdict {
         lost
     }
 
+    /// How well a point is founded, nats: the evidence of its part, the odds that its surface stands, and what else speaks
+    /// for it, less what its own δ speaks against it.
+    fn founded(&self, pixel: usize, owner: u32, more_nats: f32) -> f32 {
+        self.nats_of[owner as usize] + self.standing(owner) + more_nats - self.costs[pixel]
+    }
+
+    /// Logarithm of the ratio of the component of a part, nats: what it adds to the part's own evidence.
+    fn standing(&self, owner: u32) -> f32 {
+        ln(self.of(owner).nats.max(1.0))
+    }
+
     /// Log odds of a point, nats: the evidence of its part, the odds that its surface stands, less what its own δ speaks
     /// against it.
     pub(super) fn log_odds(&self, pixel: usize, owner: u32) -> f32 {
         let [constant, component, part, own] = CONFIDENCE;
-        let surface = ln(self.of(owner).nats.max(1.0));
-        constant + component * surface + part * self.nats_of[owner as usize] - own * self.costs[pixel]
+        constant + component * self.standing(owner) + part * self.nats_of[owner as usize] - own * self.costs[pixel]
     }
 
     /// The component of a decided pixel.

@@ -65,9 +65,9 @@ pub(crate) struct Args {
     /// 1000 mm behind it, and one uses 3 to 16 steps. Writes sweep.csv and sweep.svg, and prints the figures.
     #[arg(long, requires = "output")]
     sweep: bool,
-    /// Measure the scenes of a list with the method of --resolution and the paper's: build is for building the method, judge for
-    /// judging it. Scenes are made in memory. Prints tables by kind, layout and object, and the worst ten. With --output
-    /// it writes scenes.csv and pictures of the worst ten.
+    /// Measure the scenes of a list with the method of --resolution and the paper's: build is for building the method,
+    /// judge for judging it. Scenes are made in memory. Prints tables by kind, layout and object, and the worst ten.
+    /// With --output it writes scenes.csv and pictures of the worst ten.
     #[arg(long, value_name = "LIST", value_parser = one_of(&SceneList::ALL, SceneList::name))]
     scenes: Option<SceneList>,
     /// With --scenes: measure only the first N scenes, of those that --only leaves. The default is all.
