@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
-use super::field::Beyond;
+use super::field::Uncertainty;
 use super::likelihood::{FLOOR_NATS, Look, Moments, Sums, Widths, radians};
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
@@ -52,7 +52,7 @@ pub(super) struct Question<'a> {
     pub(super) outside_nats: [f32; 2],
     /// Nodes of each surface.
     pub(super) of_surface: &'a [u32],
-    pub(super) beyond: Beyond,
+    pub(super) uncertainty: &'a Uncertainty,
     pub(super) noise: Noise,
     /// Whether the epipolar lines run along the columns of C1.
     pub(super) is_vertical: bool,
@@ -244,7 +244,7 @@ impl NodeSums {
                 Look::Fits(moments) => {
                     let place = self.place(label as f32);
                     let mean = question.widths.mean;
-                    let mean = (mean * mean + question.beyond.variance(place)).sqrt();
+                    let mean = (mean * mean + question.uncertainty.beyond(place)).sqrt();
                     let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths });
                     fits.push(Fit { label: label as u8, ratio, moments });
                     ratio

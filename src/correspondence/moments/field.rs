@@ -13,14 +13,14 @@ use std::f64::consts::TAU;
 use nalgebra::{DMatrix, DVector};
 
 use super::evidence::Evidence;
-use super::nodes::{NOTHING, Nodes};
+use super::nodes::{NOTHING, Node, Nodes};
 use crate::correspondence::drift::Drift;
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 
 /// sd of the coefficient of a mode, pixels of calibration error.
-const PRIOR_PX: f64 = 0.5;
+const PRIOR_PX: f64 = 0.15;
 /// sd of the mean of δ of a surface about the field, rad: a surface's nodes are not independent of each other.
 const SURFACE_SD: f64 = 0.02;
 /// Nodes that weigh as one independent observation.
@@ -37,17 +37,21 @@ const FARTHEST: f32 = 30.0;
 const ROUNDS: usize = 8;
 const TUKEY: f64 = 4.7;
 
-/// How much less certain the field is beyond the depths of the volume, where it is continued along straight lines: what
-/// is added to the variance of δ, rad², as a square function of the distance from the edge, half segments.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Beyond {
-    /// Factors of the distance and of its square.
-    terms: [f32; 2],
+/// How uncertain the field is. Beyond the depths of the volume it is continued along straight lines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Uncertainty {
+    /// Covariance of the mean, turns, and of the coefficients of the modes, pixels, row by row.
+    covariance: Vec<f64>,
+    /// What is added to the variance of δ beyond the volume, rad²: factors of the distance from the edge, half segments,
+    /// and of its square.
+    beyond: [f32; 2],
 }
 
-impl Beyond {
+impl Uncertainty {
     fn new(table: &SegmentTable, covariance: &DMatrix<f64>) -> Self {
-        let Some(modes) = table.drift_modes() else { return Self::default() };
+        // The matrix is symmetric: its columns are its rows.
+        let mut own = Self { covariance: covariance.as_slice().to_vec(), beyond: [0.0; 2] };
+        let Some(modes) = table.drift_modes() else { return own };
         let size = table.size_px();
         let mut sums = [0.0; 2];
         let mut count = 0.0;
@@ -60,32 +64,47 @@ impl Beyond {
             }
             let half_px = modes.half_segment_px();
             for side in [-1.0, 1.0] {
-                let row = |at: f64| {
-                    let mut row = vec![1.0];
-                    modes.append_deltas(
-                        pixel,
-                        (f64::from(segment.reference_px) + side * at * half_px) as f32,
-                        &mut row,
-                    );
-                    DVector::from_vec(row)
-                };
+                let row =
+                    |at: f64| terms_at(table, pixel, (f64::from(segment.reference_px) + side * at * half_px) as f32);
                 let edge = row(1.0);
-                let rise = (&edge - row(1.0 - STEP)) / STEP;
-                let product = |a: &DVector<f64>, b: &DVector<f64>| (a.transpose() * covariance * b)[(0, 0)] * TAU * TAU;
-                sums[0] += 2.0 * product(&edge, &rise);
-                sums[1] += product(&rise, &rise);
+                let rise: Vec<f64> = edge.iter().zip(row(1.0 - STEP)).map(|(a, b)| (a - b) / STEP).collect();
+                sums[0] += 2.0 * own.product(&edge, &rise);
+                sums[1] += own.product(&rise, &rise);
                 count += 1.0;
             }
         }
-        Self { terms: sums.map(|sum| (sum / f64::max(count, 1.0)) as f32) }
+        own.beyond = sums.map(|sum| (sum / f64::max(count, 1.0)) as f32);
+        own
+    }
+
+    /// Covariance of δ of two rows of terms, rad².
+    fn product(&self, a: &[f64], b: &[f64]) -> f64 {
+        let rows = self.covariance.chunks_exact(b.len());
+        let times = |row: &[f64]| row.iter().zip(b).map(|(c, b)| c * b).sum::<f64>();
+        a.iter().zip(rows).map(|(a, row)| a * times(row)).sum::<f64>() * TAU * TAU
+    }
+
+    /// Variance of the field at a pixel and a column of the epipolar frame, rad². 0 if the field was not fitted.
+    pub(super) fn variance(&self, table: &SegmentTable, pixel: [usize; 2], column_px: f32) -> f32 {
+        let terms = terms_at(table, pixel, column_px);
+        self.product(&terms, &terms) as f32
     }
 
     /// What is added at a distance from the middle of the segment, half segments, rad².
-    pub(super) fn variance(&self, place: f32) -> f32 {
+    pub(super) fn beyond(&self, place: f32) -> f32 {
         let beyond = (place.abs() - 1.0).clamp(0.0, FARTHEST);
-        let [linear, square] = self.terms;
+        let [linear, square] = self.beyond;
         (beyond * (linear + beyond * square)).max(0.0)
     }
+}
+
+/// The terms of the field at a pixel and a column of the epipolar frame: 1, and δ of each mode.
+fn terms_at(table: &SegmentTable, pixel: [usize; 2], column_px: f32) -> Vec<f64> {
+    let mut terms = vec![1.0];
+    if let Some(modes) = table.drift_modes() {
+        modes.append_deltas(pixel, column_px, &mut terms);
+    }
+    terms
 }
 
 /// The mean of δ of a decided node.
@@ -106,7 +125,7 @@ pub(super) fn fit(
     nodes: &Nodes,
     evidence: &Evidence,
     is_clear: impl Fn(usize) -> bool,
-) -> Option<(Drift, Beyond)> {
+) -> Option<(Drift, Uncertainty)> {
     let mut seen = observations(view, runs, nodes, evidence, is_clear);
     if seen.len() < MIN_NODES {
         return None;
@@ -115,17 +134,8 @@ pub(super) fn fit(
         let count = seen.len();
         seen = (0..MAX_NODES).map(|i| seen[i * count / MAX_NODES]).collect();
     }
-    let mut terms = Vec::new();
-    let mut count = 1;
-    if let Some(modes) = view.table.drift_modes() {
-        for own in &seen {
-            terms.push(1.0);
-            modes.append_deltas(own.pixel, own.column_px, &mut terms);
-        }
-        count = terms.len() / seen.len();
-    } else {
-        terms.resize(seen.len(), 1.0);
-    }
+    let terms: Vec<f64> = seen.iter().flat_map(|own| terms_at(view.table, own.pixel, own.column_px)).collect();
+    let count = terms.len() / seen.len();
     let rows = DMatrix::from_row_slice(seen.len(), count, &terms);
     let present_coefficients = present.coefficients_of(count);
     // δ itself, as the modes see it.
@@ -170,8 +180,8 @@ pub(super) fn fit(
         solution = own.solve(&right);
         root = Some(own);
     }
-    let beyond = Beyond::new(view.table, &root?.inverse());
-    Some((Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU), beyond))
+    let uncertainty = Uncertainty::new(view.table, &root?.inverse());
+    Some((Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU), uncertainty))
 }
 
 fn observations(
@@ -184,19 +194,24 @@ fn observations(
     let mut seen = Vec::new();
     for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
         let Some(fit) = evidence.fit(i, node.label) else { continue };
-        let pieces = nodes.pieces_of(node);
-        let piece = pieces[pieces.len() / 2];
-        let (u, v) = ((piece.begin + piece.end) as usize / 2, piece.v as usize);
-        let pixel = v * view.cam1.width + u;
-        let order = node.order(piece.offset + i32::from(runs.relative[pixel]));
-        let column_px = column_of(view.table, pixel, order, view.cam1.phase[pixel]);
+        let (pixel, column_px) = place_of(view, runs, nodes, node);
         if column_px.is_finite() {
             let rest_turns = f64::from(fit.moments.mean) / TAU;
             let weight = f64::from(fit.moments.count / (fit.moments.count + 16.0));
-            seen.push(Observation { pixel: [u, v], column_px, rest_turns, weight });
+            seen.push(Observation { pixel, column_px, rest_turns, weight });
         }
     }
     seen
+}
+
+/// A pixel in the middle of a node, and its column in the epipolar frame.
+pub(super) fn place_of(view: View<'_>, runs: &PhaseRuns, nodes: &Nodes, node: &Node) -> ([usize; 2], f32) {
+    let pieces = nodes.pieces_of(node);
+    let piece = pieces[pieces.len() / 2];
+    let (u, v) = ((piece.begin + piece.end) as usize / 2, piece.v as usize);
+    let pixel = v * view.cam1.width + u;
+    let order = node.order(piece.offset + i32::from(runs.relative[pixel]));
+    ([u, v], column_of(view.table, pixel, order, view.cam1.phase[pixel]))
 }
 
 /// Column at which a pixel has an order.

@@ -5,7 +5,7 @@
 //! ```
 
 use super::evidence::Evidence;
-use super::field::Beyond;
+use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths};
 use super::nodes::Nodes;
 use super::noise::Noise;
@@ -41,8 +41,7 @@ pub(super) struct Learned {
     pub(super) field: Drift,
     pub(super) noise: Noise,
     pub(super) widths: Widths,
-    /// Uncertainty of the field beyond the volume.
-    pub(super) beyond: Beyond,
+    pub(super) uncertainty: Uncertainty,
     /// |δ − field| below which a sample fits, rad.
     pub(super) cap: f32,
     /// Whether this is the last round, about the final field.
@@ -69,7 +68,7 @@ impl Scratch {
             field,
             noise: Noise::default(),
             widths,
-            beyond: Beyond::default(),
+            uncertainty: Uncertainty::default(),
             cap: FIRST_CAP,
             is_settled: false,
         };
@@ -83,7 +82,7 @@ impl Scratch {
                 node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
             };
             if let Some(found) = field::fit(view, &learned.field, &self.runs, nodes, evidence, is_clear) {
-                (learned.field, learned.beyond) = found;
+                (learned.field, learned.uncertainty) = found;
             }
             learned.noise = learned.noise.learn(view, nodes, evidence, is_clear);
             learned.widths.wrong_slopes =

@@ -158,12 +158,16 @@ impl Moments {
         student(off, widths.mean * widths.mean + noise) - wrong
     }
 
-    /// Log likelihood ratio of the mean within a component that was chosen, nats. The means of a wrong one lie all over
-    /// the reach about the field.
-    pub(super) fn ratio_within(&self) -> f32 {
-        let square = |x: f32| x * x;
-        student(self.mean, square(CHOSEN_MEANS[0]) + self.variance[0])
-            - student(self.mean, square(CHOSEN_MEANS[1]) + self.variance[0])
+    /// Log likelihood ratio of the mean within a component that was chosen and lies this far from the field, nats. The
+    /// means of a wrong one lie all over the reach about the field.
+    pub(super) fn ratio_within(&self, offset: f32) -> f32 {
+        let wrong = CHOSEN_MEANS[1] * CHOSEN_MEANS[1] + self.variance[0];
+        student(self.mean - offset, self.variance_within()) - student(self.mean, wrong)
+    }
+
+    /// Variance of the mean about the offset of a true component, rad².
+    pub(super) fn variance_within(&self) -> f32 {
+        CHOSEN_MEANS[0] * CHOSEN_MEANS[0] + self.variance[0]
     }
 
     /// Log likelihood ratio of all moments, nats; at least [`FLOOR_NATS`].
@@ -191,6 +195,11 @@ fn student(x: f32, variance: f32) -> f32 {
 /// What the square of a distance in sd costs under Student's t, nats.
 pub(super) fn student_cost(square: f32) -> f32 {
     2.0 * ln(1.0 + square / 3.0)
+}
+
+/// Weight, in a fit by least squares, of a value whose distance in sd has this square under Student's t.
+pub(super) fn student_weight(square: f32) -> f32 {
+    4.0 / (3.0 + square)
 }
 
 /// Natural logarithm of a positive number to 1e-6, the same bits on every machine.
@@ -261,7 +270,7 @@ mod tests {
 
     #[test]
     fn within_a_component_only_a_small_mean_speaks_for_it() {
-        let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within();
+        let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within(0.0);
         assert!(ratio(0.0) > 1.0 && ratio(0.1) < -1.0);
         assert!((0..20).all(|i| ratio(0.01 * i as f32) > ratio(0.01 * (i + 1) as f32)));
     }

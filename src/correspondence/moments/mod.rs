@@ -26,6 +26,7 @@ mod likelihood;
 mod look;
 mod nodes;
 mod noise;
+mod offsets;
 mod parts;
 mod verdict;
 
@@ -81,6 +82,10 @@ struct Part {
     /// Mean of δ less the field, rad, as used by the pixels.
     offset: f32,
     moments: Option<Moments>,
+    /// Odds against every other order and against none, nats.
+    odds: f32,
+    /// Variance of the field there, rad².
+    field_variance: f32,
 }
 
 /// The planes of decisions.
@@ -226,7 +231,7 @@ impl Scratch {
             widths: learned.widths_at(level),
             outside_nats: [OUTSIDE_NODE_NATS, if learned.is_settled { OUTSIDE_NATS } else { f32::INFINITY }],
             of_surface,
-            beyond: learned.beyond,
+            uncertainty: &learned.uncertainty,
             noise: learned.noise,
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };

@@ -6,8 +6,9 @@
 //! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree
 //! ```
 
+use super::field;
 use super::learned::Learned;
-use super::likelihood::ratio_of_offset;
+use super::likelihood::{FLOOR_NATS, ratio_of_offset};
 use super::nodes::{NONE, NOTHING, Node, Nodes};
 use super::{OFFSET_SD, Part, Pixels, Scratch};
 use crate::correspondence::neighbourhood::MAX_STEP;
@@ -86,7 +87,12 @@ impl Scratch {
             }
             offsets[i] = sum / (weight + 8.0);
             let moments = evidence.fit(i, node.label).map(|fit| fit.moments);
-            parts.push(Part { level, offset: offsets[i], moments });
+            let (pixel, column_px) = field::place_of(view, runs, nodes, node);
+            let field_variance = learned.uncertainty.variance(view.table, pixel, column_px);
+            let others = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
+            let other = others.fold(0.0_f32, |most, fit| most.max(fit.ratio));
+            let odds = moments.map_or(FLOOR_NATS, |moments| moments.ratio(0.0, &widths)) - other;
+            parts.push(Part { level, offset: offsets[i], moments, odds, field_variance });
         }
     }
 }

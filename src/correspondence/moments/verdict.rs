@@ -2,29 +2,27 @@
 //!
 //! ```text
 //! unite parts whose pixels continue each other's absolute phase: components
-//! ratio of a component = Σ over its parts of the ratio of their means within it, small parts counting less
+//! ratio of a component = ratio of the means of δ over its parts
 //!                        + evidence of occupancy: the share of its places in C2 that no better founded component holds
 //! a component below the least ratio is dropped
 //! of two points in one place of C2, the better founded one stays: by its part, its component, its own δ
 //! ```
 //!
 //! The parts of a component were chosen because they fit. So shares and slopes that are good tell no more about it: those
-//! of a wrong component are as good. What remains is where the means lie: those of a true component are near the field,
-//! those of a wrong one all over the reach.
+//! of a wrong component are as good. What remains is where the means lie.
 
 use rayon::prelude::*;
 
 use super::learned::Learned;
-use super::likelihood::{FLOOR_NATS, ln, radians, student_cost};
+use super::likelihood::{ln, radians, student_cost};
 use super::nodes::NONE;
+use super::offsets::{self, PartMean};
 use super::{Part, Pixels};
 use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// Pixels of a part from which on it counts fully.
-const FULL_PX: f32 = 64.0;
 /// Exponent of the share of free places: its density for a true surface is (1 + e)·shareᵉ.
 const FREE_EXPONENT: f32 = 4.0;
 /// Least share of free places that is counted.
@@ -33,9 +31,9 @@ const MIN_FREE: f32 = 0.02;
 /// Reach of the places around a contested one, in which claims are counted, pixels.
 const CLAIM_REACH: isize = 2;
 
-/// Log odds of a point: a constant, and the factors of the logarithm of its component's ratio, of its part's ratio and of
-/// what its own δ costs. Fitted by logistic regression to the points of 70 scenes of the list to build with.
-const CONFIDENCE: [f32; 4] = [2.46, 0.35, 0.33, 0.54];
+/// Log odds of a point: a constant, and the factors of the logarithm of its component's ratio, of its part's odds and of
+/// what its own δ costs. Fitted by logistic regression to the points of 143 scenes of the list to build with.
+const CONFIDENCE: [f32; 4] = [3.76, 0.25, 0.32, 0.51];
 
 /// What it is worth that a surface is the nearer one of two, nats.
 const NEARER_NATS: f32 = 1.5;
@@ -57,8 +55,8 @@ pub(super) struct Verdict {
     /// The component of each part.
     pub(super) component_of: Vec<u32>,
     pub(super) components: Vec<Component>,
-    /// Ratio of each part, nats.
-    nats_of: Vec<f32>,
+    /// Odds of each part, nats.
+    odds_of: Vec<f32>,
     /// Place in C2 of each pixel; [`NONE`] if undecided.
     places: Vec<u32>,
     /// What δ of each pixel speaks against its own point, nats.
@@ -72,24 +70,26 @@ impl Verdict {
     pub(super) fn judge(&mut self, view: View<'_>, parts: &[Part], learned: &Learned, pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, nats_of, .. } = self;
-        nats_of.clear();
-        nats_of.resize(parts.len(), 0.0);
+        let Self { component_of, components, odds_of, .. } = self;
+        odds_of.clear();
+        odds_of.resize(parts.len(), 0.0);
         components.clear();
         components.resize(count, Component::default());
         let mut sizes = vec![0_u32; parts.len()];
         for owner in pixels.owner.iter().filter(|owner| **owner != NONE) {
             sizes[*owner as usize] += 1;
         }
+        let mut means = Vec::with_capacity(parts.len());
         for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
             let own = &mut components[component_of[i] as usize];
             own.parts += 1;
             own.size_px += sizes[i];
-            nats_of[i] = FLOOR_NATS;
-            if let Some(moments) = part.moments {
-                nats_of[i] = moments.ratio(0.0, &learned.widths_beside(part.level));
-                own.nats += (sizes[i] as f32 / FULL_PX).min(1.0) * moments.ratio_within();
-            }
+            odds_of[i] = part.odds;
+            let (component, size_px, field_variance) = (component_of[i], sizes[i], part.field_variance);
+            means.extend(part.moments.map(|moments| PartMean { component, size_px, moments, field_variance }));
+        }
+        for (own, ratio) in components.iter_mut().zip(offsets::ratios(&means, count)) {
+            own.nats = ratio;
         }
         self.find_costs(view, parts, learned, pixels);
         self.find_places(view, pixels);
@@ -212,17 +212,16 @@ impl Verdict {
         self.claim(view, pixels);
         let Self { component_of, places, owners, .. } = &*self;
         let component = |pixel: u32| component_of[pixels.owner[pixel as usize] as usize];
+        let columns = view.cam2.width;
         // A second pixel of another surface in the same place.
         let mut others = vec![NONE; owners.len()];
         let mut contested = Vec::new();
         for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            let owner = owners[place as usize];
-            if is_other(view, pixels, pixel, owner as usize) {
+            if let Some(rival) = rival(view, pixels, owners, place as usize, pixel) {
+                contested.push([pixel as u32, rival]);
                 others[place as usize] = pixel as u32;
-                contested.push(pixel as u32);
             }
         }
-        let columns = view.cam2.width;
         let density = |pixel: u32, own: u32| {
             let place = places[pixel as usize] as usize;
             let mut count = 0_u32;
@@ -242,8 +241,7 @@ impl Verdict {
             self.founded(pixel as usize, part, density(pixel, component_of[part as usize]))
         };
         let mut lost: Vec<u32> = Vec::new();
-        for &pixel in &contested {
-            let owner = owners[places[pixel as usize] as usize];
+        for [pixel, owner] in contested {
             // Of two surfaces that are founded alike, the nearer one hides the other from C2.
             let is_nearer = view.table.nearness_to_cam2(pixel as usize) > view.table.nearness_to_cam2(owner as usize);
             let nearer = if is_nearer { NEARER_NATS } else { -NEARER_NATS };
@@ -254,10 +252,10 @@ impl Verdict {
         lost
     }
 
-    /// How well a point is founded, nats: the evidence of its part, the odds that its surface stands, and what else speaks
+    /// How well a point is founded, nats: the odds of its part, the odds that its surface stands, and what else speaks
     /// for it, less what its own δ speaks against it.
     fn founded(&self, pixel: usize, owner: u32, more_nats: f32) -> f32 {
-        self.nats_of[owner as usize] + self.standing(owner) + more_nats - self.costs[pixel]
+        self.odds_of[owner as usize] + self.standing(owner) + more_nats - self.costs[pixel]
     }
 
     /// Logarithm of the ratio of the component of a part, nats: what it adds to the part's own evidence.
@@ -265,17 +263,31 @@ impl Verdict {
         ln(self.of(owner).nats.max(1.0))
     }
 
-    /// Log odds of a point, nats: the evidence of its part, the odds that its surface stands, less what its own δ speaks
+    /// Log odds of a point, nats: the odds of its part, the odds that its surface stands, less what its own δ speaks
     /// against it.
     pub(super) fn log_odds(&self, pixel: usize, owner: u32) -> f32 {
         let [constant, component, part, own] = CONFIDENCE;
-        constant + component * self.standing(owner) + part * self.nats_of[owner as usize] - own * self.costs[pixel]
+        constant + component * self.standing(owner) + part * self.odds_of[owner as usize] - own * self.costs[pixel]
     }
 
     /// The component of a decided pixel.
     pub(super) fn of(&self, owner: u32) -> &Component {
         &self.components[self.component_of[owner as usize] as usize]
     }
+}
+
+/// The pixel of another surface that holds the place of a pixel in C2, or both places beside it: the claims of a surface
+/// that C2 sees enlarged have gaps.
+fn rival(view: View<'_>, pixels: &Pixels<'_>, owners: &[u32], place: usize, pixel: usize) -> Option<u32> {
+    let at = |place: Option<usize>| {
+        let owner = *owners.get(place?)?;
+        (owner != NONE && owner != pixel as u32 && is_other(view, pixels, pixel, owner as usize)).then_some(owner)
+    };
+    let both = |step: usize| {
+        let [before, after] = [at(place.checked_sub(step))?, at(place.checked_add(step))?];
+        (!is_other(view, pixels, before as usize, after as usize)).then_some(before)
+    };
+    at(Some(place)).or_else(|| both(1)).or_else(|| both(view.cam2.width))
 }
 
 /// Whether two points in one place of C2 are not of one surface: their absolute phases differ.
