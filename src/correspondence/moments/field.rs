@@ -84,8 +84,12 @@ impl Uncertainty {
         a.iter().zip(rows).map(|(a, row)| a * times(row)).sum::<f64>() * TAU * TAU
     }
 
-    /// Variance of the field at a pixel and a column of the epipolar frame, rad². 0 if the field was not fitted.
+    /// Variance of the field at a pixel and a column of the epipolar frame, rad². 0 if the field was not fitted, and
+    /// nowhere.
     pub(super) fn variance(&self, table: &SegmentTable, pixel: [usize; 2], column_px: f32) -> f32 {
+        if !column_px.is_finite() {
+            return 0.0;
+        }
         let terms = terms_at(table, pixel, column_px);
         self.product(&terms, &terms) as f32
     }
@@ -206,9 +210,8 @@ fn observations(
 
 /// A pixel in the middle of a node, and its column in the epipolar frame.
 pub(super) fn place_of(view: View<'_>, runs: &PhaseRuns, nodes: &Nodes, node: &Node) -> ([usize; 2], f32) {
-    let pieces = nodes.pieces_of(node);
-    let piece = pieces[pieces.len() / 2];
-    let (u, v) = ((piece.begin + piece.end) as usize / 2, piece.v as usize);
+    let piece = nodes.middle_of(node);
+    let [u, v] = piece.middle();
     let pixel = v * view.cam1.width + u;
     let order = node.order(piece.offset + i32::from(runs.relative[pixel]));
     ([u, v], column_of(view.table, pixel, order, view.cam1.phase[pixel]))

@@ -1,4 +1,4 @@
-//! What is learned of the images: the error field of the rig, the noise of δ, and the slopes of wrong orders.
+//! What is learned of the images: the error field of the rig, the noise of δ, and the widths of true and wrong orders.
 //!
 //! ```text
 //! three times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly

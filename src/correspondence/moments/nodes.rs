@@ -77,6 +77,11 @@ impl Piece {
     pub(super) fn columns(&self) -> Range<usize> {
         self.begin as usize..self.end as usize
     }
+
+    /// Column and row of the pixel in its middle.
+    pub(super) fn middle(&self) -> [usize; 2] {
+        [(self.begin + self.end) as usize / 2, self.v as usize]
+    }
 }
 
 /// The nodes of an image, tile row by tile row.
@@ -161,6 +166,12 @@ impl Nodes {
     /// The pieces of a node.
     pub(super) fn pieces_of(&self, node: &Node) -> &[Piece] {
         &self.pieces[node.piece_range()]
+    }
+
+    /// The piece in the middle of a node.
+    pub(super) fn middle_of(&self, node: &Node) -> &Piece {
+        let pieces = self.pieces_of(node);
+        &pieces[pieces.len() / 2]
     }
 }
 

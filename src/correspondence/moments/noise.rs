@@ -49,8 +49,8 @@ impl Noise {
         let mut seen: Vec<[f32; 2]> = Vec::new();
         for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
             let Some(fit) = evidence.fit(i, node.label).filter(|fit| fit.moments.count >= 12.0) else { continue };
-            let piece = nodes.pieces_of(node)[node.pieces[1].saturating_sub(node.pieces[0]) as usize / 2];
-            let pixel = piece.v as usize * view.cam1.width + (piece.begin + piece.end) as usize / 2;
+            let [u, v] = nodes.middle_of(node).middle();
+            let pixel = v * view.cam1.width + u;
             let modulation = view.cam1.modulation[pixel].grey().max(MIN_MODULATION);
             seen.push([1.0 / (modulation * modulation), fit.moments.residual]);
         }

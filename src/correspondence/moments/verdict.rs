@@ -72,7 +72,7 @@ impl Verdict {
         let count = self.sets_of(parts.len());
         let Self { component_of, components, odds_of, .. } = self;
         odds_of.clear();
-        odds_of.resize(parts.len(), 0.0);
+        odds_of.extend(parts.iter().map(|part| part.odds));
         components.clear();
         components.resize(count, Component::default());
         let mut sizes = vec![0_u32; parts.len()];
@@ -84,7 +84,6 @@ impl Verdict {
             let own = &mut components[component_of[i] as usize];
             own.parts += 1;
             own.size_px += sizes[i];
-            odds_of[i] = part.odds;
             let (component, size_px, field_variance) = (component_of[i], sizes[i], part.field_variance);
             means.extend(part.moments.map(|moments| PartMean { component, size_px, moments, field_variance }));
         }
