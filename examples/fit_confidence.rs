@@ -1,50 +1,31 @@
-//! Fits the confidence model to datasets with exact ground truth, and prints its curves in the form of
-//! `src/correspondence/semi_global/confidence.rs`.
+//! Fits the confidence model to scenes of the list to build with, and prints its factors in the form of
+//! `src/correspondence/moments/confidence.rs`: `cargo run --release --example fit_confidence -- [scenes]`.
 //!
-//! ```text
-//! for sd in 0.041 0.42; do for object in plane prism machine nose elephant clutter crumbs; do
-//!     fringeflow simulate -o scenes/$object-$sd --object $object --steps 4 --sd $sd
-//!     fringeflow simulate -o scenes/$object-$sd-deep --object $object --steps 4 --sd $sd --depth 110
-//!     fringeflow simulate -o scenes/$object-$sd-noisy --object $object --steps 3 --sd $sd --noise high
-//!     fringeflow simulate -o scenes/$object-$sd-small --object $object --steps 4 --sd $sd --size 320x256 --board dark
-//! done; done
-//! rm -r scenes/clutter-0.42-deep
-//! for object in prism machine nose elephant clutter tooth; do for board in 10 60 200; do
-//!     fringeflow simulate -o scenes/$object-board-$board --object $object --steps 4 --board $board
-//! done; done
-//! for board in -30 -12; do
-//!     fringeflow simulate -o scenes/board$board --object elephant --steps 4 --board=$board
-//! done
-//! for object in elephant prism; do fringeflow simulate -o scenes/$object-hand --object $object --steps 4 --hand; done
-//! cargo run --release --example fit_confidence -- scenes/*
-//! ```
-//!
-//! One scene is left out: with ten times the usual calibration error and twenty periods on a segment, the drift itself
-//! is not found, and no pixel can show that.
-//!
-//! In: for every pixel with a selected candidate its grounds, and from the ground truth whether the candidate is false.
-//! Out: the log odds of maximum likelihood (logistic regression by Newton's method). A slight ridge penalty draws them
-//! towards zero; it also decides how a constant is divided among the curves.
+//! In: for every point its grounds, and from the exact truth whether it is false. Out: the factors of maximum likelihood
+//! (logistic regression by Newton's method), fitted to the scenes with even numbers; and, for the points of the others,
+//! what probability they state and how many are true.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a program for people")]
 
 use std::error::Error;
-use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 
-use fringeflow::correspondence::{CONFIDENCE_TERMS, SegmentTable, match_phases_with_grounds};
-use fringeflow::phase::PhaseShifts;
-use fringeflow::reconstruction::{Reconstructor, Settings};
-use fringeflow_dataset::{CameraId, Dataset, GreyImage, Truth};
-use fringeflow_lab::evaluation::{Frames, Judgement, against_rendered};
+use fringeflow::correspondence::{CONFIDENCE_TERMS, match_phases_with_grounds};
+use fringeflow::reconstruction::Settings;
+use fringeflow_lab::evaluation::Judgement;
+use fringeflow_lab::scene_lists::{SceneError, SceneList};
 
+/// Scenes taken by default.
+const SCENES: usize = 144;
 /// True points are many and similar: one in this number is sampled, with this weight.
 const THINNING: usize = 20;
 /// Ridge penalty that draws every value towards zero, in points.
 const RIDGE: f64 = 10.0;
 /// Newton steps; the last ones change nothing.
 const NEWTON_STEPS: usize = 25;
+/// Parts of the points, by their stated probability, for each of which it is compared with the truth.
+const PARTS: usize = 10;
 
 type Terms = [f32; CONFIDENCE_TERMS];
 
@@ -58,106 +39,83 @@ struct Sample {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut samples = Vec::new();
-    for folder in std::env::args().skip(1) {
-        let before = samples.len();
-        match add_samples(Path::new(&folder), &mut samples) {
-            Ok(points) => eprintln!("{folder}: {points} points, {} samples", samples.len() - before),
-            Err(e) => eprintln!("{folder}: left out: {e}"),
+    let scenes = std::env::args().nth(1).map_or(Ok(SCENES), |count| count.parse())?;
+    let (mut fitted, mut judged) = (Vec::new(), Vec::new());
+    for number in 0..scenes {
+        match samples_of(number) {
+            Ok(samples) => (if number % 2 == 0 { &mut fitted } else { &mut judged }).extend(samples),
+            Err(e) => eprintln!("scene {number} is left out: {e}"),
         }
     }
-    if samples.is_empty() {
-        return Err(
-            "no samples; name dataset folders with exact ground truth, as fringeflow simulate writes them".into()
-        );
-    }
-    let values = fit(&samples).ok_or("the samples do not determine the model; add more scenes")?;
-    print_curves(&values);
-    print_calibration(&samples, &values);
+    let factors = fit(&fitted).ok_or("the samples do not determine the model; add more scenes")?;
+    let rounded: Vec<String> = factors.iter().map(|factor| format!("{factor:.2}")).collect();
+    println!("[{}]", rounded.join(", "));
+    print_calibration(&mut judged, &factors);
     Ok(())
 }
 
-/// Adds the samples of a dataset. Returns the number of its points.
-fn add_samples(folder: &Path, samples: &mut Vec<Sample>) -> Result<usize, Box<dyn Error>> {
-    let dataset = Dataset::open(folder, None)?;
-    let Some(Truth::Rendered(truth)) = dataset.truth()? else { return Err("it has no exact ground truth".into()) };
-    let setup = &dataset.setup;
-    let volume = setup.volume.ok_or("it has no measurement volume")?;
-    let shifts_rad = &setup.sequence.shifts_rad;
-    let image_numbers: Vec<usize> = (0..shifts_rad.len()).collect();
-
+/// The samples of a scene.
+fn samples_of(number: usize) -> Result<Vec<Sample>, Box<dyn Error>> {
+    let scene = SceneList::Build.scene(number);
     let mut settings = Settings::default();
     // Keep all points: the model is fitted to doubtful ones too.
     settings.matching.min_confidence = 0.0;
-    let table = SegmentTable::build(&setup.rig, &volume, &setup.sequence.pattern)?;
-    let mut reconstructor =
-        Reconstructor::new(&setup.rig, &setup.sequence.pattern, table, &PhaseShifts::new(shifts_rad)?, settings)?;
-    let [cam1, cam2] = CameraId::BOTH.map(|camera| dataset.phase_images(camera, &image_numbers));
-    let result = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1?), &GreyImage::levels_of(&cam2?), None)?;
-    let (_, grounds) =
-        match_phases_with_grounds(&result.cam1, &result.cam2, reconstructor.table(), &settings.matching)?;
-
-    let judgements =
-        against_rendered(&result.cloud, setup.image_size_px, &truth, &Frames::from_setup(setup))?.judgements;
+    let table = scene.simulation()?.segment_table().map_err(SceneError::from)?;
+    let (result, evaluation) = scene.reconstruct(settings)?;
+    let (_, grounds) = match_phases_with_grounds(&result.cam1, &result.cam2, &table, &settings.matching)?;
     let has_point = |pixel: &usize| result.matches.outcomes[*pixel].is_found();
-    for (index, pixel) in (0..judgements.len()).filter(has_point).enumerate() {
-        let is_true = !judgements[pixel].is_false();
-        if judgements[pixel] == Judgement::Unjudged || (is_true && !index.is_multiple_of(THINNING)) {
+    let mut samples = Vec::new();
+    for (index, pixel) in (0..grounds.len()).filter(has_point).enumerate() {
+        let judgement = evaluation.judgements[pixel];
+        let is_true = !judgement.is_false();
+        if judgement == Judgement::Unjudged || (is_true && !index.is_multiple_of(THINNING)) {
             continue;
         }
         let weight = if is_true { THINNING as f64 } else { 1.0 };
         samples.push(Sample { terms: grounds[pixel].terms(), is_true, weight });
     }
-    Ok(result.cloud.points.len())
+    Ok(samples)
 }
 
-/// Finds the values of maximum likelihood. Returns `None` if the samples do not determine them.
+/// Finds the factors of maximum likelihood. Returns `None` if the samples do not determine them.
 fn fit(samples: &[Sample]) -> Option<DVector<f64>> {
-    let mut values = DVector::zeros(CONFIDENCE_TERMS);
+    let mut factors = DVector::zeros(CONFIDENCE_TERMS);
     for _ in 0..NEWTON_STEPS {
         let mut hessian = DMatrix::identity(CONFIDENCE_TERMS, CONFIDENCE_TERMS) * RIDGE;
-        let mut gradient = &values * -RIDGE;
+        let mut gradient = &factors * -RIDGE;
         for sample in samples {
-            let p = probability(sample, &values);
+            let p = probability(sample, &factors);
             let pull = sample.weight * (f64::from(u8::from(sample.is_true)) - p);
             let curvature = sample.weight * p * (1.0 - p);
-            // Most terms are zero.
-            let nonzero: Vec<(usize, f64)> =
-                sample.terms.iter().enumerate().filter(|(_, t)| **t != 0.0).map(|(i, &t)| (i, t.into())).collect();
-            for &(i, a) in &nonzero {
-                gradient[i] += pull * a;
-                nonzero.iter().for_each(|&(j, b)| hessian[(i, j)] += curvature * a * b);
-            }
+            let terms = DVector::from_iterator(CONFIDENCE_TERMS, sample.terms.iter().map(|&term| f64::from(term)));
+            gradient += &terms * pull;
+            hessian.ger(curvature, &terms, &terms, 1.0);
         }
-        values += hessian.cholesky()?.solve(&gradient);
+        factors += hessian.cholesky()?.solve(&gradient);
     }
-    Some(values)
+    Some(factors)
 }
 
-fn probability(sample: &Sample, values: &DVector<f64>) -> f64 {
-    let nats: f64 = sample.terms.iter().zip(values).map(|(&term, value)| f64::from(term) * value).sum();
+fn probability(sample: &Sample, factors: &DVector<f64>) -> f64 {
+    let nats: f64 = sample.terms.iter().zip(factors).map(|(&term, factor)| f64::from(term) * factor).sum();
     1.0 / (1.0 + (-nats).exp())
 }
 
-/// Prints the values of all curves in one line, one curve after the other.
-fn print_curves(values: &DVector<f64>) {
-    let rounded: Vec<String> = values.iter().map(|value| format!("{value:.2}")).collect();
-    println!("{}", rounded.join(", "));
-}
-
-/// Prints, for each range of stated probability, the share of points that are true.
-fn print_calibration(samples: &[Sample], values: &DVector<f64>) {
-    const EDGES: [f64; 12] = [0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.01];
-    for edges in EDGES.windows(2) {
-        let (mut points, mut stated, mut found) = (0.0, 0.0, 0.0);
-        for sample in samples {
-            let p = probability(sample, values);
-            if (edges[0]..edges[1]).contains(&p) {
-                points += sample.weight;
-                stated += sample.weight * p;
-                found += sample.weight * f64::from(u8::from(sample.is_true));
-            }
+/// Prints, for equal parts of the points, the least sure ones first, the probability that they state and the share of
+/// them that is true.
+fn print_calibration(samples: &mut [Sample], factors: &DVector<f64>) {
+    samples.sort_by(|a, b| probability(a, factors).total_cmp(&probability(b, factors)));
+    let points: f64 = samples.iter().map(|sample| sample.weight).sum();
+    let (mut before, mut part, mut sums) = (0.0, 1, [0.0; 3]);
+    for sample in &*samples {
+        let is_true = f64::from(u8::from(sample.is_true));
+        let of_sample = [1.0, probability(sample, factors), is_true].map(|value| sample.weight * value);
+        sums.iter_mut().zip(of_sample).for_each(|(sum, value)| *sum += value);
+        before += sample.weight;
+        if before >= points * f64::from(part) / PARTS as f64 {
+            let [count, stated, found] = sums;
+            println!("part {part}: {count:>9} points, stated {:.4}, true {:.4}", stated / count, found / count);
+            (part, sums) = (part + 1, [0.0; 3]);
         }
-        println!("{:.3}: {points:>9} points, stated {:.4}, true {:.4}", edges[0], stated / points, found / points);
     }
 }

@@ -62,14 +62,8 @@ fn bench_geometry(criterion: &mut Criterion, scene: &Scene) {
             });
         });
     }
-    let drift = matches.drift.as_ref().map(Drift::to_known);
-    group.bench_function(BenchmarkId::new("match", "known drift"), |bencher| {
-        let (mut matcher, mut matches) = (Matcher::default(), Matches::default());
-        let settings = (&settings_for(ResolutionMethod::SemiGlobal), drift.as_ref());
-        bencher.iter(|| matcher.match_phases(black_box(&cam1), &cam2, &table, settings, &mut matches));
-    });
     let found = Correspondences {
-        drift,
+        drift: matches.drift.as_ref().map(Drift::to_known),
         width,
         matches,
         mean: cam1.mean.clone(),

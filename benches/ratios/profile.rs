@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use fringeflow::correspondence::{DeltaHistogram, EpipolarImage, ResolutionSettings, estimate_drift, measure_delta};
+use fringeflow::correspondence::{DeltaHistogram, EpipolarImage, ResolutionSettings, measure_delta};
 use fringeflow::phase::{
     MotionFit, MotionScratch, PhaseMap, SequenceCheck, SequenceScratch, Validity, decode, decode_moving_into,
 };
@@ -40,7 +40,7 @@ fn profile_window(measured: &PreparedScene, repetitions: usize) -> Vec<(&'static
     let [cam1, cam2] = [workers.maps.cam1.clone(), workers.maps.cam2.clone()];
     let image = EpipolarImage::resample(&cam2, table).unwrap();
     let histogram = DeltaHistogram::from_all_candidates(&cam1, &image, table, 0);
-    let (min_votes, delta) = (ResolutionSettings::default().min_votes, workers.found.matches.delta);
+    let min_votes = ResolutionSettings::default().min_votes;
     let shifts = shifts(STEPS);
     let (cam1, cam2, image) = (&cam1, &cam2, &image);
     let (mut searching, mut triangulating) = (Workers::with_table(&measured.scene, Arc::clone(table), STEPS), workers);
@@ -53,7 +53,6 @@ fn profile_window(measured: &PreparedScene, repetitions: usize) -> Vec<(&'static
         ("resampling", contender(|| drop(black_box(EpipolarImage::resample(cam2, table))))),
         ("histogram of δ", contender(|| _ = black_box(DeltaHistogram::from_all_candidates(cam1, image, table, 0)))),
         ("statistics of δ", contender(|| _ = black_box(measure_delta(cam1, image, table, &histogram, min_votes)))),
-        ("drift", contender(|| _ = black_box(estimate_drift(cam1, image, table, &delta)))),
     ];
     let (names, mut contenders): (Vec<_>, Vec<_>) = stages.into_iter().unzip();
     let spent = interleave(repetitions, &mut contenders);

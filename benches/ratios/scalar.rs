@@ -1,4 +1,4 @@
-//! The paper's method in the library's scalar reference, relative to the semi-global resolution.
+//! The paper's method in the library's scalar reference, relative to ours.
 
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
         let settings = MatchSettings { method, ..MatchSettings::default() };
         Workers::with_settings(&easy.scene, Arc::clone(&easy.table), STEPS, settings)
     };
-    let (mut ours, mut reference) = (workers_with(ResolutionMethod::SemiGlobal), workers_with(ResolutionMethod::Paper));
+    let (mut ours, mut reference) = (workers_with(ResolutionMethod::Moments), workers_with(ResolutionMethod::Paper));
     let mut contenders = [images_to_cloud(&mut ours, &easy), images_to_cloud(&mut reference, &easy)];
     let spent = interleave(bench.repetitions.min(5), &mut contenders);
     drop(contenders);

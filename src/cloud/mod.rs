@@ -33,7 +33,8 @@ pub struct CloudPoint {
     pub order: i16,
     /// Back-projection phase minus wrapped phase, rad.
     pub delta_rad: f32,
-    /// Number of candidates that passed the back-projection test.
+    /// Number of fringe orders in the volume that the surface around the point leaves possible; with the paper's method,
+    /// of candidates that passed the back-projection test.
     pub candidates: u8,
     /// How the correspondence was decided (see [`crate::correspondence::Outcome`]).
     pub stage: u8,

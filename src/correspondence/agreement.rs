@@ -11,13 +11,8 @@ const MAX_FALSE_CANDIDATES: f64 = 3.0;
 /// this many expected false candidates on: on segments of one period there are none.
 const MAX_SD_RAD: f64 = 0.45;
 const MANY_FALSE_CANDIDATES: f64 = 1.0;
-/// Largest sd of δ about the drift of the calibration, rad, and the expected false candidates from which on it matters.
-/// Images of this calibration leave noise alone.
-const MAX_RESIDUAL_SD_RAD: f64 = 0.25;
-const SOME_FALSE_CANDIDATES: f64 = 0.5;
-/// Least share of the pixels with candidates that must find a correspondence where sd is suspicious: wrong orders
-/// seldom agree.
-const MIN_FOUND_SHARE: f64 = 0.25;
+/// Least share of the pixels that must agree with the rest where sd is suspicious: wrong orders seldom agree.
+pub(super) const MIN_AGREEING_SHARE: f64 = 0.25;
 
 /// Why two phase maps cannot be matched.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -65,14 +60,14 @@ pub enum MatchError {
     },
     /// Few pixels agree with their neighbours.
     #[error(
-        "{found} of {pixels} pixels with candidates agree with their neighbours, and the back-projection phases \
+        "{found} of {pixels} pixels find a correspondence that agrees with their neighbours, and the back-projection phases \
          scatter by {sd_rad:.2} rad: the images do not belong to this calibration, or nothing lies in the measurement \
          volume (with correspondence.delta_sd_rad in the configuration sd is taken as known)"
     )]
     FewAgree {
         /// Pixels with a correspondence.
         found: usize,
-        /// Pixels with candidates.
+        /// Pixels with candidates, or with a phase.
         pixels: usize,
         /// Measured sd of δ, rad.
         sd_rad: f64,
@@ -104,12 +99,6 @@ pub(super) fn check_scatter(
     refuse_if(efc > MAX_FALSE_CANDIDATES || (delta.sd_rad > MAX_SD_RAD && efc > MANY_FALSE_CANDIDATES), delta)
 }
 
-/// Refuses images whose δ scatters widely even about the drift of the calibration.
-pub(super) fn check_residual(residual: &DeltaStatistics) -> Result<(), MatchError> {
-    let is_wide = residual.sd_rad > MAX_RESIDUAL_SD_RAD;
-    refuse_if(is_wide && residual.expected_false_candidates() > SOME_FALSE_CANDIDATES, residual)
-}
-
 fn refuse_if(is_meaningless: bool, delta: &DeltaStatistics) -> Result<(), MatchError> {
     let (DeltaStatistics { sd_rad, mean_periods, .. }, efc) = (*delta, delta.expected_false_candidates());
     if is_meaningless { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
@@ -124,6 +113,6 @@ pub(super) fn check_share(
     pixels: usize,
 ) -> Result<(), MatchError> {
     let sd_rad = delta.sd_rad;
-    let few = found == 0 || (doubtful && (found as f64) < MIN_FOUND_SHARE * pixels as f64);
+    let few = found == 0 || (doubtful && (found as f64) < MIN_AGREEING_SHARE * pixels as f64);
     if few { Err(MatchError::FewAgree { found, pixels, sd_rad }) } else { Ok(()) }
 }

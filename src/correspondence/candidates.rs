@@ -24,21 +24,6 @@ pub struct Candidate {
     pub slope: i16,
 }
 
-/// A candidate of the order that a surface decided.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct DecidedCandidate {
-    /// Column and row of the pixel of C1.
-    pub(super) pixel: [usize; 2],
-    /// Column of the candidate in the epipolar frame.
-    pub(super) column_px: f32,
-    /// δ, turns.
-    pub(super) delta_turns: f32,
-    /// δ less the known drift, turns.
-    pub(super) residual_turns: f32,
-    /// Number of the node of the surface; `u32::MAX` if the node is not clear.
-    pub(super) node: u32,
-}
-
 /// The back-projection test |δ − mean| < thr (paper, section 2.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeltaGate {

@@ -85,6 +85,11 @@ impl DeltaSums {
         Self { count, sum, squares }
     }
 
+    /// Of one δ.
+    pub(super) fn of(delta: i16) -> Self {
+        Self::new(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2))
+    }
+
     pub(super) fn merged(self, other: Self) -> Self {
         Self::new(self.count + other.count, self.sum + other.sum, self.squares + other.squares)
     }
@@ -100,6 +105,5 @@ impl DeltaSums {
 
 /// Mean and standard deviation of δ given in turns · 65536, rad.
 pub(super) fn mean_and_sd_rad(deltas: &[i16]) -> (f64, f64) {
-    let each = deltas.iter().map(|&delta| DeltaSums::new(1, i64::from(delta), u64::from(delta.unsigned_abs()).pow(2)));
-    each.fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
+    deltas.iter().map(|&delta| DeltaSums::of(delta)).fold(DeltaSums::default(), DeltaSums::merged).mean_and_sd_rad()
 }

@@ -2,33 +2,28 @@
 
 use rayon::prelude::*;
 
-use fringeflow_base::outcome::Outcome;
+use fringeflow_base::outcome::{Outcome, OutcomeCounts};
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::phase::PhaseMap;
 
-use super::agreement::{MatchError, check_order, check_residual, check_scatter, check_share};
+use super::agreement::{MIN_AGREEING_SHARE, MatchError, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::HistogramScratch;
 use super::delta_measurement::DeltaScratch;
 use super::delta_statistics::{DeltaStatistics, DeltaSums};
-use super::drift::{Drift, DriftScratch, KnownDrift};
+use super::drift::{Drift, KnownDrift};
 use super::epipolar_image::EpipolarImage;
-use super::moments;
+use super::moments::{self, Confidence, Grounds};
 use super::reference_methods::paper;
-use super::scene::Scene;
 use super::segment_table::SegmentTable;
-use super::semi_global::{self, Confidence, Grounds};
 use super::settings::{MatchSettings, ResolutionMethod};
 use super::slip::correct_slip;
-use super::surfaces;
 use super::view::View;
 
 /// Relative change of sd after the paper's resolution that triggers a second pass with the new threshold.
 const SD_CHANGE: f64 = 0.5;
-/// The images are exchanged if this many times as many pixels fit with the images swapped.
-const EXCHANGED_FITTING_RATIO: f32 = 1.25;
 
 /// Correspondences of all pixels of C1, row by row, and the statistics behind them.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +32,8 @@ pub struct Matches {
     pub outcomes: Vec<Outcome>,
     /// The chosen candidate of each pixel with a found outcome.
     pub chosen: ChosenCandidates,
-    /// Candidates of each pixel that pass the back-projection test.
+    /// Orders in the volume that the surface around each point leaves possible; with the paper's method, candidates that
+    /// pass the back-projection test.
     pub passing: Vec<u8>,
     /// Probability that each point is true; [`Confidence::NONE`] everywhere with the paper's method.
     pub confidence: Vec<Confidence>,
@@ -110,8 +106,6 @@ pub struct Matcher {
     cam2: EpipolarImage,
     histogram: HistogramScratch,
     delta: DeltaScratch,
-    drift: DriftScratch,
-    semi_global: semi_global::Scratch,
     moments: moments::Scratch,
 }
 
@@ -148,7 +142,7 @@ impl Matcher {
             return Err(size_error);
         }
         let raw_cam2 = cam2;
-        let Self { cam2, histogram: histogram_scratch, delta: delta_scratch, drift, semi_global, moments } = self;
+        let Self { cam2, histogram: histogram_scratch, delta: delta_scratch, moments } = self;
         if !cam2.resample_into(raw_cam2, table) {
             return Err(size_error);
         }
@@ -158,7 +152,7 @@ impl Matcher {
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
             let view = View { cam1, cam2, table };
-            if let Some(found) = correct_slip(view, &histogram, steps, (&mut semi_global.surfaces, drift)) {
+            if let Some(found) = correct_slip(view, &histogram, steps, moments) {
                 (slip_steps, *cam2) = (found.slip_steps, found.cam2);
                 histogram = histogram_scratch.count(View { cam1: &found.cam1, cam2, table }, 0);
                 corrected = Some(found.cam1);
@@ -172,10 +166,7 @@ impl Matcher {
         }
         let matching = Matching { view, raw_cam2, settings };
         match settings.method {
-            ResolutionMethod::SemiGlobal => {
-                matching.semi_global(delta, known, (drift, semi_global), out, grounds)?;
-            }
-            ResolutionMethod::Moments => matching.by_moments(delta, known, moments, out)?,
+            ResolutionMethod::Moments => matching.by_moments(delta, known, moments, out, grounds)?,
             ResolutionMethod::Paper => matching.by_paper(delta, out)?,
         }
         out.delta_counts.clear();
@@ -194,64 +185,50 @@ struct Matching<'a> {
 }
 
 impl Matching<'_> {
-    fn semi_global(
-        &self,
-        delta: DeltaStatistics,
-        known: Option<&KnownDrift>,
-        (drift, scratch): (&mut DriftScratch, &mut semi_global::Scratch),
-        out: &mut Matches,
-        grounds: Option<&mut Vec<Grounds>>,
-    ) -> Result<(), MatchError> {
-        let known = known.and_then(|known| Drift::from_known(known, self.view.table));
-        let drift = surfaces::explain(self.view, &delta, known.as_ref(), &mut scratch.surfaces, drift);
-        if self.is_measured() {
-            // δ and the fit of surfaces must both indicate an exchange.
-            let ordered = check_order(&delta, || self.exchanged());
-            ordered.or_else(|error| if self.fits_exchanged(&scratch.surfaces) { Err(error) } else { Ok(()) })?;
-        }
-        let residual = drift.residual_statistics(&delta);
-        self.check_scatter(&residual)?;
-        if self.is_measured() {
-            check_residual(&residual)?;
-        }
-        let scene = Scene { view: self.view, drift: &drift };
-        let limits = semi_global::Limits {
-            min_region_px: self.settings.resolution.min_region_px,
-            min_confidence: self.settings.min_confidence,
-        };
-        let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
-        let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
-        scratch.resolve(&scene, &limits, &mut decisions, grounds);
-        let doubtful = self.is_measured() && (residual.is_suspicious() || drift.is_improbable());
-        let sums = out.sums();
-        check_share(&residual, doubtful, sums.found, sums.with_candidates)?;
-        out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
-        out.delta = delta;
-        out.drift = Some(drift);
-        Ok(())
-    }
-
     fn by_moments(
         &self,
         delta: DeltaStatistics,
         known: Option<&KnownDrift>,
         scratch: &mut moments::Scratch,
         out: &mut Matches,
+        grounds: Option<&mut Vec<Grounds>>,
     ) -> Result<(), MatchError> {
         let known = known.and_then(|known| Drift::from_known(known, self.view.table));
         let Matches { outcomes, chosen, passing, confidence, .. } = &mut *out;
-        let mut decisions = semi_global::Decisions { outcomes, chosen, passing, confidence };
-        let limits = semi_global::Limits {
+        let mut decisions = moments::Decisions { outcomes, chosen, passing, confidence, grounds };
+        let limits = moments::Limits {
             min_region_px: self.settings.resolution.min_region_px,
             min_confidence: self.settings.min_confidence,
         };
-        let field = scratch.resolve(self.view, known.as_ref(), &limits, &mut decisions);
+        let learned = scratch.explain(self.view, known.as_ref());
+        let is_doubtful = self.is_measured() && learned.is_scattered();
+        if is_doubtful
+            && let Some(exchanged) = self.explain_exchanged()
+            && !exchanged.is_scattered()
+        {
+            let [sd_rad, exchanged_sd_rad] = [&learned, &exchanged].map(|learned| learned.field.residual_sd_rad);
+            return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });
+        }
+        let scattered_rad = learned.field.residual_sd_rad;
+        let field = scratch.resolve(self.view, learned, &limits, &mut decisions);
         let sums = out.sums();
-        check_share(&field.residual_statistics(&delta), false, sums.found, sums.with_candidates)?;
+        let explains_few = is_doubtful && field.share < MIN_AGREEING_SHARE;
+        if sums.found == 0 || explains_few {
+            let invalid = OutcomeCounts::from_outcomes(&out.outcomes).get(Outcome::Invalid) as usize;
+            let pixels = out.outcomes.len() - invalid;
+            return Err(MatchError::FewAgree { found: sums.found, pixels, sd_rad: scattered_rad });
+        }
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
         out.delta = delta;
         out.drift = Some(field);
         Ok(())
+    }
+
+    /// What surfaces show with the images exchanged, if both have one size.
+    fn explain_exchanged(&self) -> Option<moments::Learned> {
+        let image = self.exchanged_image()?;
+        let view = View { cam1: self.raw_cam2, cam2: &image, ..self.view };
+        Some(moments::Scratch::default().explain(view, None))
     }
 
     fn by_paper(&self, mut delta: DeltaStatistics, out: &mut Matches) -> Result<(), MatchError> {
@@ -287,16 +264,6 @@ impl Matching<'_> {
     /// Refuses a measured δ that scatters too widely to distinguish orders.
     fn check_scatter(&self, delta: &DeltaStatistics) -> Result<(), MatchError> {
         if self.is_measured() { check_scatter(delta, || self.exchanged()) } else { Ok(()) }
-    }
-
-    /// Whether surfaces fit better with the images exchanged. This confirms an exchange that δ indicates: if most of an
-    /// image sees surfaces outside the volume, δ of true candidates may scatter more widely than that of wrong ones.
-    fn fits_exchanged(&self, explained: &surfaces::Scratch) -> bool {
-        let mut scratch = surfaces::Scratch::default();
-        let Some(image) = self.exchanged_image() else { return false };
-        let view = View { cam1: self.raw_cam2, cam2: &image, ..self.view };
-        surfaces::explain_by_surfaces(view, &mut scratch, &mut DriftScratch::default());
-        scratch.fitting_share() > EXCHANGED_FITTING_RATIO * explained.fitting_share()
     }
 
     /// Statistics of δ with the images exchanged, if both have one size.

@@ -11,14 +11,13 @@
 //!  epipolar segment ──────────────────►  fringe order      k        k+1       k+2       k+3
 //!                                        δ = Φ(q) − φ    −2.4      0.02       2.4      −1.5       rad, about the drift
 //!                                                                    ▲
-//!  the surface of p has order k+1 ── its candidate fits ─────────────┤ confirmed
-//!  else: cost of every order ── least sum over eight paths ──────────┤ selected
-//!                                                                    ▼
-//!  regions stand or fall, confidence of each pixel ──► correspondence (p, q2), or the reason why there is none
+//!  δ of all orders over a node of the surface of p: its moments ──── likelihood ratio of each order
+//!  orders of all nodes along surfaces ── the surface of p has order k+1 ── its candidate fits
+//!  surfaces stand or fall, confidence of each pixel ──► correspondence (p, q2), or the reason why there is none
 //! ```
 //!
 //! Φ(q) is the back-projection phase: the phase at which the projector would light the 3D point of p and q. The
-//! [reference method](reference_methods) decides by neighbour votes instead of surfaces and paths.
+//! [reference method](reference_methods) decides by neighbour votes instead of surfaces.
 //!
 //! # Steps
 //! | step | modules |
@@ -27,11 +26,9 @@
 //! | C2 in the epipolar frame | *epipolar image*, *row view* |
 //! | candidates by the scan of a segment | *candidates*, *search*; pixels with exactly one: *unique* |
 //! | sd from the images | *delta histogram*, *delta statistics*, *support*; slips of the pattern sequence: *slip* |
-//! | orders of whole surfaces, calibration drift | *surfaces*, *drift* |
-//! | orders of the other pixels | *semi-global*, with *pixel search* as its scalar form |
-//! | orders of surfaces and pixels from the moments of δ, as a setting | *moments* |
+//! | orders of surfaces and pixels, from the moments of δ | *moments*; the calibration drift that they show: *drift* |
 //! | as the paper does it | *reference methods* |
-//! | shared | *runs*, *regions*, *disjoint sets*, *places*, *claims*, *explanation*, *chosen*, *bands*, *pool* |
+//! | shared | *runs*, *disjoint sets*, *neighbourhood*, *chosen*, *bands*, *pool* |
 //! | the chain | *matching*, *settings*; whether images and rig belong together: *agreement* |
 //!
 //! # Hot loops
@@ -41,13 +38,10 @@
 //! | histogram of δ | `candidates.rs`, `scan_segment`, over `row_view.rs`, `MayCross` |
 //! | unique candidates of the sampled rows | `unique/kernel.rs`, `Search::block` |
 //! | neighbour votes | `support.rs`, `Votes::add_walk` |
-//! | breaks of the wrapped phase | `surfaces/runs.rs`, `BreakKernel` |
-//! | scores of all orders of sampled pixels | `surfaces/order_scores.rs`, `order_scores` |
-//! | confirmation of known orders | `semi_global/kernels/confirm.rs`, `Row::confirm` |
-//! | matching costs of the other pixels | `semi_global/kernels/matching_cost.rs`, `Block::matching_costs` |
-//! | path sums | `semi_global/paths/sweep.rs`, `Sweep::advance` |
-//! | candidates of the decided orders | `semi_global/kernels/selection.rs`, `Block::select` |
-//! | support and confidence | `semi_global/grounds.rs`, `support`; `semi_global/confidence.rs`, `ConfidenceRow` |
+//! | breaks of the wrapped phase | `moments/phase_runs.rs`, `BreakKernel` |
+//! | δ of all orders of sampled pixels | `moments/evidence.rs`, `NodeKernel` |
+//! | orders along surfaces | `moments/belief.rs`, `Propagation` |
+//! | one look at each pixel of a decided node | `moments/look.rs`, `BlockLook` |
 //!
 //! The kernels share `kernels/`: the segments of 32 pixels, and tables of 64 columns of C2.
 
@@ -55,41 +49,32 @@ mod agreement;
 mod bands;
 mod candidates;
 mod chosen;
-mod claims;
-mod decay;
 mod delta_histogram;
 mod delta_measurement;
 mod delta_statistics;
 mod disjoint_sets;
 mod drift;
 mod epipolar_image;
-mod explanation;
 mod fingerprint;
 mod kernels;
 mod matching;
 mod moments;
 mod neighbourhood;
 mod patches;
-mod pixel_search;
-mod places;
 mod pool;
 pub mod reference_methods;
-mod regions;
 mod row_view;
 mod runs;
-mod scene;
 mod search;
 mod segment;
 mod segment_builder;
 mod segment_fields;
 mod segment_file;
 mod segment_table;
-mod semi_global;
 mod settings;
 mod slip;
 mod source_map;
 mod support;
-mod surfaces;
 #[cfg(test)]
 mod test_random;
 mod unique;
@@ -101,16 +86,16 @@ pub use chosen::ChosenCandidates;
 pub use delta_histogram::DeltaHistogram;
 pub use delta_measurement::measure_delta;
 pub use delta_statistics::DeltaStatistics;
-pub use drift::{Drift, DriftMap, DriftModes, KnownDrift, estimate_drift};
+pub use drift::{Drift, DriftMap, DriftModes, KnownDrift};
 pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
 pub use fringeflow_base::outcome::{Outcome, OutcomeCounts};
 pub use matching::{Matcher, Matches, match_phases, match_phases_with_grounds};
+pub use moments::{CONFIDENCE_TERMS, Confidence, Grounds};
 pub use search::{Candidates, find_candidates};
 pub use segment::{Segment, SegmentRow};
 pub use segment_fields::SegmentTableError;
 pub use segment_file::{SegmentFileError, SegmentFileProblem};
 pub use segment_table::{EpipolarAxis, RayRow, SegmentTable};
-pub use semi_global::{CONFIDENCE_TERMS, Confidence, Grounds};
 pub use settings::{MatchSettings, ResolutionMethod, ResolutionSettings};
 pub use unique::{UniqueCandidates, find_unique_candidates};

@@ -3,10 +3,8 @@
 /// How pixels with several candidates are decided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResolutionMethod {
-    /// The orders of the whole image together, with δ about the drift of the calibration.
+    /// The orders of whole surfaces, from the moments of δ about the drift of the calibration.
     #[default]
-    SemiGlobal,
-    /// As before, from the moments of δ over surfaces.
     Moments,
     /// Pixel by pixel from decided neighbours, with δ about its mean (paper, section 2.2).
     Paper,
@@ -14,13 +12,12 @@ pub enum ResolutionMethod {
 
 impl ResolutionMethod {
     /// Both, the default first.
-    pub const ALL: [Self; 3] = [Self::SemiGlobal, Self::Moments, Self::Paper];
+    pub const ALL: [Self; 2] = [Self::Moments, Self::Paper];
 
     /// Its name on the command line and in files.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::SemiGlobal => "semi-global",
             Self::Moments => "moments",
             Self::Paper => "paper",
         }

@@ -14,9 +14,8 @@ use std::f64::consts::TAU;
 use crate::phase::PhaseMap;
 
 use super::delta_histogram::DeltaHistogram;
-use super::drift::DriftScratch;
 use super::epipolar_image::EpipolarImage;
-use super::surfaces;
+use super::moments;
 use super::view::View;
 
 /// Standard deviation of the weight of a candidate near δ = 0, rad: twice that of calibrated rigs.
@@ -48,7 +47,7 @@ pub(super) fn correct_slip(
     view: View<'_>,
     nominal_histogram: &DeltaHistogram,
     steps: usize,
-    (scratch, drift): (&mut surfaces::Scratch, &mut DriftScratch),
+    scratch: &mut moments::Scratch,
 ) -> Option<Corrected> {
     let slip_steps = find_slip(view, nominal_histogram, steps)?;
     let [of_cam1, of_cam2] = slip_steps.map(|ahead| phase_of_steps(ahead, steps));
@@ -56,8 +55,8 @@ pub(super) fn correct_slip(
     cam1.phase.iter_mut().for_each(|phase| *phase = phase.wrapping_sub(of_cam1));
     cam2.subtract_phase(of_cam2);
     // The histogram sees the volume alone. Surfaces are sought in all of space.
-    let nominal_nats = surfaces::clear_nats(view, scratch, drift);
-    let corrected_nats = surfaces::clear_nats(View { cam1: &cam1, cam2: &cam2, ..view }, scratch, drift);
+    let nominal_nats = scratch.explain(view, None).nats;
+    let corrected_nats = scratch.explain(View { cam1: &cam1, cam2: &cam2, ..view }, None).nats;
     (corrected_nats > MIN_EXPLAINED_RATIO * nominal_nats).then_some(Corrected { slip_steps, cam1, cam2 })
 }
 

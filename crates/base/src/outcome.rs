@@ -15,7 +15,7 @@ pub enum Outcome {
     /// One of several candidates, chosen along the epipolar direction by Eq. (2) (paper, 2.2.2).
     AlongEpipolar = 3,
     /// One of several candidates, chosen with neighbours along and across the epipolar direction (paper, 2.2.3), or
-    /// along all paths of the semi-global resolution.
+    /// with the surface around it.
     AcrossEpipolar = 4,
     /// No phase: the modulation is too low, a sample is saturated, or the samples are no sinusoid.
     Invalid = 16,

@@ -268,7 +268,7 @@ fn method(name: Option<&str>) -> Result<ResolutionMethod, ConfigurationProblem> 
     ResolutionMethod::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| ConfigurationProblem::Value {
         key: "correspondence.resolution",
         value: format!("{name:?}"),
-        expected: "it must be \"semi-global\", \"moments\" or \"paper\"",
+        expected: "it must be \"moments\" or \"paper\"",
     })
 }
 

@@ -59,7 +59,7 @@ pub(crate) struct MeasuringArgs {
     #[arg(skip)]
     known_sd_rad: Option<f64>,
     /// Method that decides pixels with several candidates. moments judges δ over whole surfaces; paper is a slow
-    /// reference. The default is that of the configuration, else semi-global.
+    /// reference. The default is that of the configuration, else moments.
     #[arg(long, value_name = "METHOD", value_parser = one_of(&ResolutionMethod::ALL, ResolutionMethod::name))]
     resolution: Option<ResolutionMethod>,
     /// Minimum confidence of a point, 0 to 1. The default is that of the configuration, else 0.8.
@@ -239,7 +239,7 @@ impl MeasuringArgs {
             if configuration.settings.matching.method == ResolutionMethod::Paper {
                 return Err(Failure::Usage(format!(
                     "--min-confidence {min_confidence} has no effect with the resolution paper, which states no \
-                     confidence: leave it out, or use --resolution semi-global"
+                     confidence: leave it out, or use --resolution moments"
                 )));
             }
             configuration.settings.matching.min_confidence = min_confidence;

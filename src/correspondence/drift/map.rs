@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use super::Drift;
 use super::coordinates::DepthRow;
-use super::estimate::Drift;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::segment_table::SegmentTable;
 

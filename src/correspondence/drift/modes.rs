@@ -43,9 +43,10 @@ pub struct DriftModes {
 }
 
 impl DriftModes {
-    /// Appends δ of every mode at a pixel of C1 and a column of the epipolar frame, turns per pixel of calibration error.
-    pub(in crate::correspondence) fn append_deltas(&self, pixel: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
-        self.by_term.append_deltas(pixel, column_px, out);
+    /// The terms of a field at a pixel of C1 and a column of the epipolar frame: 1, then δ of each mode, turns per pixel of
+    /// calibration error; zero for modes that the rig lacks.
+    pub(in crate::correspondence) fn terms(&self, pixel: [usize; 2], column_px: f32) -> FieldTerms {
+        self.by_term.terms(pixel, column_px)
     }
 
     /// Length of the modes of any rig as numbers.
@@ -98,6 +99,8 @@ impl DriftModes {
     }
 }
 
+/// The terms of a field of δ: that of its mean, and those of the modes.
+pub(in crate::correspondence) type FieldTerms = [f64; 1 + MAX_MODES];
 /// Modes evaluated at once: enough to keep the pipeline full.
 const GROUP: usize = 32;
 
@@ -105,56 +108,44 @@ const GROUP: usize = 32;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ModesByTerm {
     places: DriftCoordinates,
-    /// Factors of the terms of [`GROUP`] modes; zero for missing modes.
-    groups: Vec<[[f64; GROUP]; TERMS]>,
-    modes: usize,
+    /// Factors of each term; zero for missing modes.
+    factors: Vec<[f64; GROUP]>,
 }
 
 impl ModesByTerm {
     fn new(places: DriftCoordinates, fields: &[Polynomial]) -> Self {
-        let group = |modes: &[Polynomial]| {
-            let mut factors = [[0.0; GROUP]; TERMS];
-            for (k, mode) in modes.iter().enumerate() {
-                factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
-            }
-            factors
-        };
-        Self { places, groups: fields.chunks(GROUP).map(group).collect(), modes: fields.len() }
+        let mut factors = vec![[0.0; GROUP]; TERMS];
+        for (k, mode) in fields.iter().enumerate() {
+            factors.iter_mut().zip(mode).for_each(|(of_term, factor)| of_term[k] = *factor);
+        }
+        Self { places, factors }
     }
 
-    /// Appends to `out` δ of every mode at a pixel of C1 and a column of the epipolar frame, turns per pixel of
-    /// calibration error.
-    pub(super) fn append_deltas(&self, [u, v]: [usize; 2], column_px: f32, out: &mut Vec<f64>) {
-        let begin = out.len();
-        out.resize(begin + self.groups.len() * GROUP, 0.0);
+    fn terms(&self, [u, v]: [usize; 2], column_px: f32) -> FieldTerms {
         let place = self.places.place(u as f64, v as f64, f64::from(column_px));
-        fringeflow_simd::run(Level::in_use(), ModeKernel { groups: &self.groups, place, out: &mut out[begin..] });
-        out.truncate(begin + self.modes);
+        let of_modes = fringeflow_simd::run(Level::in_use(), ModeKernel { factors: &self.factors, place });
+        std::array::from_fn(|k| if k == 0 { 1.0 } else { of_modes[k - 1] })
     }
 }
 
 /// Evaluates all modes at a place.
 struct ModeKernel<'a> {
-    groups: &'a [[[f64; GROUP]; TERMS]],
+    factors: &'a [[f64; GROUP]],
     place: [f64; 3],
-    out: &'a mut [f64],
 }
 
 impl Kernel for ModeKernel<'_> {
-    type Output = ();
+    type Output = [f64; GROUP];
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L) {
-        let monomials = monomials(self.place);
-        for (group, out) in self.groups.iter().zip(self.out.as_chunks_mut::<GROUP>().0) {
-            let mut sums = [0.0; GROUP];
-            for (factors, monomial) in group.iter().zip(monomials) {
-                for k in 0..GROUP {
-                    sums[k] += factors[k] * monomial;
-                }
+    fn run<L: Lanes>(self, _: L) -> [f64; GROUP] {
+        let mut sums = [0.0; GROUP];
+        for (factors, monomial) in self.factors.iter().zip(monomials(self.place)) {
+            for k in 0..GROUP {
+                sums[k] += factors[k] * monomial;
             }
-            *out = sums;
         }
+        sums
     }
 }
 

@@ -10,21 +10,9 @@ mod segments;
 use fringeflow_simd::LANES;
 
 pub(super) use rows::{
-    Crossing, Differences, Ends, MAX_COLUMN_STEP, RowPair, Rows, Tables, column_and_slope, crosses, interpolate_rows,
+    Crossing, Differences, Ends, MAX_COLUMN_STEP, Rows, Tables, column_and_slope, crosses, interpolate_rows,
 };
 pub(super) use segments::{Segments, load};
 
 /// Pixels of a block.
 pub(super) const BLOCK: usize = LANES;
-
-/// The block that begins with pixel `first`.
-#[inline(always)]
-pub(super) fn block_of<T>(row: &[T], first: usize) -> &[T; BLOCK] {
-    &row.as_chunks().0[first / BLOCK]
-}
-
-/// As [`block_of`], mutable.
-#[inline(always)]
-pub(super) fn block_of_mut<T>(row: &mut [T], first: usize) -> &mut [T; BLOCK] {
-    &mut row.as_chunks_mut().0[first / BLOCK]
-}

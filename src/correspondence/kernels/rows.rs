@@ -175,13 +175,6 @@ pub(in crate::correspondence) struct Differences<L: Lanes> {
     pub(in crate::correspondence) known: L::Mask,
 }
 
-impl<L: Lanes> Differences<L> {
-    #[inline(always)]
-    pub(in crate::correspondence) fn none(lanes: L) -> Self {
-        Self { value: lanes.word(0), known: lanes.mask(0) }
-    }
-}
-
 /// The pixels whose phase lies between two neighbouring columns.
 #[inline(always)]
 pub(in crate::correspondence) fn crosses<L: Lanes>(lanes: L, before: Differences<L>, after: Differences<L>) -> L::Mask {

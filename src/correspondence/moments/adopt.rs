@@ -12,19 +12,21 @@ use rayon::prelude::*;
 use super::likelihood::radians;
 use super::look::{MAX_Z, Seen, nearest};
 use super::noise::Noise;
+use super::pixel_search::PixelSearch;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
 use crate::correspondence::drift::{DepthRow, Drift};
 use crate::correspondence::neighbourhood::MAX_STEP;
-use crate::correspondence::pixel_search::PixelSearch;
+use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
 /// How far δ of a pixel at a rim may be off at least, rad: there two surfaces mix.
-const RIM_RAD: f32 = 0.15;
+const RIM_RAD: f32 = 0.2;
 /// Rounds: how many pixels deep a rim is.
 const ROUNDS: usize = 3;
 
 /// What a pixel adopted.
+#[derive(Clone, Copy, Debug)]
 struct Adopted {
     pixel: usize,
     order: i16,
@@ -32,35 +34,47 @@ struct Adopted {
     seen: Seen,
 }
 
-/// Adopts open pixels, `open` being the valid ones with a segment. Returns how many pixels were adopted.
-pub(super) fn adopt(view: View<'_>, field: &Drift, parts: &[Part], noise: Noise, pixels: &mut Pixels<'_>) -> usize {
-    let mut count = 0;
-    for _ in 0..ROUNDS {
-        let adopted: Vec<Vec<Adopted>> = {
-            let pixels = &*pixels;
-            (0..view.cam1.height)
-                .into_par_iter()
-                .map_init(Default::default, |rows: &mut (SegmentRow, DepthRow), v| {
-                    adopt_row(view, field, parts, noise, pixels, rows, v)
-                })
-                .collect()
-        };
-        let before = count;
-        for Adopted { pixel, order, part, seen } in adopted.into_iter().flatten() {
-            count += 1;
-            pixels.chosen.column_px[pixel] = seen.column_px;
-            pixels.chosen.order[pixel] = order;
-            pixels.chosen.delta[pixel] = seen.delta;
-            pixels.chosen.slope[pixel] = seen.slope;
-            pixels.rest[pixel] = seen.rest;
-            pixels.state[pixel] = if seen.in_volume { INSIDE } else { BEYOND };
-            pixels.owner[pixel] = part;
-        }
-        if count == before {
-            break;
+/// Scratch memory of the adoption.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Adoption {
+    /// What each row adopted.
+    rows: Vec<Vec<Adopted>>,
+    pool: Pool<(SegmentRow, DepthRow)>,
+}
+
+impl Adoption {
+    /// Adopts open pixels with a phase.
+    pub(super) fn adopt(
+        &mut self,
+        view: View<'_>,
+        field: &Drift,
+        parts: &[Part],
+        noise: Noise,
+        pixels: &mut Pixels<'_>,
+    ) {
+        let Self { rows, pool } = self;
+        rows.resize_with(view.cam1.height, Vec::new);
+        for _ in 0..ROUNDS {
+            let before = &*pixels;
+            rows.par_iter_mut().enumerate().for_each(|(v, adopted)| {
+                adopted.clear();
+                adopt_row(view, field, parts, noise, before, &mut pool.take(), v, adopted);
+            });
+            for Adopted { pixel, order, part, seen } in rows.iter().flatten() {
+                let pixel = *pixel;
+                pixels.chosen.column_px[pixel] = seen.column_px;
+                pixels.chosen.order[pixel] = *order;
+                pixels.chosen.delta[pixel] = seen.delta;
+                pixels.chosen.slope[pixel] = seen.slope;
+                pixels.rest[pixel] = seen.rest;
+                pixels.state[pixel] = if seen.in_volume { INSIDE } else { BEYOND };
+                pixels.owner[pixel] = *part;
+            }
+            if rows.iter().all(Vec::is_empty) {
+                break;
+            }
         }
     }
-    count
 }
 
 fn adopt_row(
@@ -71,9 +85,9 @@ fn adopt_row(
     pixels: &Pixels<'_>,
     (segments, along): &mut (SegmentRow, DepthRow),
     v: usize,
-) -> Vec<Adopted> {
+    adopted: &mut Vec<Adopted>,
+) {
     let (width, height) = (view.cam1.width, view.cam1.height);
-    let mut adopted = Vec::new();
     let mut is_loaded = false;
     for u in 0..width {
         let pixel = v * width + u;
@@ -141,7 +155,6 @@ fn adopt_row(
         }
         adopted.extend(best.map(|(_, adopted)| adopted));
     }
-    adopted
 }
 
 const NEIGHBOURS: [(isize, isize); 8] = [(0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];

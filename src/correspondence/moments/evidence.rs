@@ -9,21 +9,17 @@
 //! ratio of each label from its sums; an order outside the volume starts with a handicap
 //! ```
 
-use rayon::prelude::*;
-
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::field::Uncertainty;
 use super::likelihood::{FLOOR_NATS, Look, Moments, Sums, Widths, radians};
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
+use super::orders::{Orders, PixelOrders, RestsOfOrders, SearchSpace, rests_of_orders};
+use super::phase_runs::PhaseRuns;
 use crate::correspondence::drift::{DepthRow, Drift};
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::{Segment, SegmentRow};
-use crate::correspondence::surfaces::order_scores::{
-    Gate, OrderScorer, Orders, RestsOfOrders, SearchSpace, rests_of_orders,
-};
-use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 
 /// Scores are counted in this many steps a nat.
@@ -62,6 +58,7 @@ pub(super) struct Question<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
     pub(super) label: u8,
+    pub(super) is_inside: bool,
     pub(super) ratio: f32,
     pub(super) moments: Moments,
 }
@@ -93,27 +90,18 @@ impl Evidence {
         scores.resize(nodes.nodes.len(), [0; LABELS]);
         ranges.resize(nodes.nodes.len(), [0; 2]);
         let Nodes { nodes, pieces, tile_rows, tile_px, .. } = nodes;
-        let (tile_px, height) = (*tile_px, view.cam1.height);
-        bands.resize(tile_rows.len() - 1, Vec::new());
-        let mut parts = Vec::with_capacity(bands.len());
-        let (mut nodes_left, mut scores_left, mut ranges_left) = (&mut nodes[..], &mut scores[..], &mut ranges[..]);
-        for (row, fits) in bands.iter_mut().enumerate() {
-            let count = tile_rows[row + 1] - tile_rows[row];
-            let (own_nodes, rest) = std::mem::take(&mut nodes_left).split_at_mut(count);
-            nodes_left = rest;
-            let (own_scores, rest) = std::mem::take(&mut scores_left).split_at_mut(count);
-            scores_left = rest;
-            let (own_ranges, rest) = std::mem::take(&mut ranges_left).split_at_mut(count);
-            ranges_left = rest;
-            parts.push((row, own_nodes, own_scores, own_ranges, fits));
-        }
-        let pieces = &*pieces;
-        parts.into_par_iter().for_each(|(row, nodes, scores, ranges, fits)| {
+        let (tile_px, pieces) = (*tile_px, &*pieces);
+        // Rows of smaller tiles are more: their memory is kept for the next image.
+        bands.resize(bands.len().max(tile_rows.len() - 1), Vec::new());
+        let bands = &mut bands[..tile_rows.len() - 1];
+        let all = TileRows { first: 0, begins: tile_rows, nodes, scores, ranges, bands };
+        all.for_each(&|row, nodes, scores, ranges, fits| {
             let mut tile_row = pool.take();
             let first = row * tile_px;
-            let last = (first + tile_px).min(height);
             tile_row.rows.iter_mut().for_each(|row| row.is_loaded = false);
-            tile_row.rows.resize(tile_px, Row::default());
+            if tile_row.rows.len() < tile_px {
+                tile_row.rows.resize(tile_px, Row::default());
+            }
             fits.clear();
             for ((node, scores), range) in nodes.iter_mut().zip(scores).zip(ranges) {
                 let begin = fits.len() as u32;
@@ -126,7 +114,6 @@ impl Evidence {
                             tile_row.load(view, field, first, v);
                         }
                     }
-                    debug_assert!(last > first);
                     let kernel = NodeKernel {
                         view,
                         space,
@@ -171,6 +158,53 @@ impl Evidence {
     pub(super) fn fits_of(&self, node: usize) -> &[Fit] {
         let [begin, end] = self.ranges[node].map(|place| place as usize);
         &self.fits[begin..end]
+    }
+}
+
+/// The nodes, scores, ranges and fits of some tile rows.
+struct TileRows<'a> {
+    /// Number of the first of them.
+    first: usize,
+    /// Index of the first node of each tile row, and the end of the last one.
+    begins: &'a [usize],
+    nodes: &'a mut [Node],
+    scores: &'a mut [Scores],
+    ranges: &'a mut [[u32; 2]],
+    bands: &'a mut [Vec<Fit>],
+}
+
+impl TileRows<'_> {
+    /// Calls `visit` with the number of each tile row and what belongs to it, in parallel.
+    fn for_each(self, visit: &(impl Fn(usize, &mut [Node], &mut [Scores], &mut [[u32; 2]], &mut Vec<Fit>) + Sync)) {
+        let Self { first, begins, nodes, scores, ranges, bands } = self;
+        match bands {
+            [] => {}
+            [band] => visit(first, nodes, scores, ranges, band),
+            _ => {
+                let half = bands.len() / 2;
+                let at = begins[half] - begins[0];
+                let (nodes, scores, ranges) =
+                    (nodes.split_at_mut(at), scores.split_at_mut(at), ranges.split_at_mut(at));
+                let bands = bands.split_at_mut(half);
+                let upper = TileRows {
+                    first,
+                    begins: &begins[..=half],
+                    nodes: nodes.0,
+                    scores: scores.0,
+                    ranges: ranges.0,
+                    bands: bands.0,
+                };
+                let lower = TileRows {
+                    first: first + half,
+                    begins: &begins[half..],
+                    nodes: nodes.1,
+                    scores: scores.1,
+                    ranges: ranges.1,
+                    bands: bands.1,
+                };
+                rayon::join(|| upper.for_each(visit), || lower.for_each(visit));
+            }
+        }
     }
 }
 
@@ -246,7 +280,7 @@ impl NodeSums {
                     let mean = question.widths.mean;
                     let mean = (mean * mean + question.uncertainty.beyond(place)).sqrt();
                     let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths });
-                    fits.push(Fit { label: label as u8, ratio, moments });
+                    fits.push(Fit { label: label as u8, is_inside, ratio, moments });
                     ratio
                 }
             };
@@ -287,7 +321,6 @@ impl Kernel for NodeKernel<'_> {
         let (half, width) = (0.5 * tile_px as f32, view.cam1.width);
         let middle = |tile: usize| (tile * tile_px) as f32 + half - 0.5;
         let (middle_u, middle_v) = (middle(node.tile as usize), middle(first_row / tile_px));
-        let gate = Gate::default();
         for piece in pieces {
             let v = piece.v as usize;
             if v % stride != stride / 2 {
@@ -303,15 +336,8 @@ impl Kernel for NodeKernel<'_> {
                 all.sampled += 1;
                 all.noise += question.noise.variance(view.cam1.modulation[pixel].grey());
                 let limits_px = space.limits_px(&segment, [u, v]);
-                let scorer = OrderScorer {
-                    segment,
-                    drift: row.field.segment(u),
-                    phase,
-                    limits_px,
-                    gate,
-                    half_px: space.half_px,
-                };
-                let Some(orders) = scorer.orders() else { continue };
+                let of_pixel = PixelOrders { segment, drift: row.field.segment(u), phase, limits_px };
+                let Some(orders) = of_pixel.orders() else { continue };
                 let relative = piece.offset + i32::from(runs.relative[pixel]);
                 let zero = relative + node.base;
                 all.middle = Some((segment, zero as f32 + f32::from(phase) / 65536.0));
@@ -329,7 +355,7 @@ impl Kernel for NodeKernel<'_> {
                 let own = Orders { last: last_order, ..orders };
                 let mut order = first_order;
                 while order <= last_order {
-                    let rests = rests_of_orders(lanes, view.cam2, &scorer, &own, order);
+                    let rests = rests_of_orders(lanes, view.cam2, &of_pixel, &own, order);
                     add(lanes, &mut all.sums, (order - zero) as usize, place, &rests, question.cap);
                     order += LANES as i32;
                 }

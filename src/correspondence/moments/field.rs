@@ -10,17 +10,15 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{SMatrix, SVector};
 
 use super::evidence::Evidence;
 use super::nodes::{NOTHING, Node, Nodes};
-use crate::correspondence::drift::Drift;
+use super::phase_runs::PhaseRuns;
+use crate::correspondence::drift::{Drift, FieldTerms};
 use crate::correspondence::segment_table::SegmentTable;
-use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 
-/// sd of the coefficient of a mode, pixels of calibration error.
-const PRIOR_PX: f64 = 0.15;
 /// sd of the mean of δ of a surface about the field, rad: a surface's nodes are not independent of each other.
 const SURFACE_SD: f64 = 0.02;
 /// Nodes that weigh as one independent observation.
@@ -37,20 +35,24 @@ const FARTHEST: f32 = 30.0;
 const ROUNDS: usize = 8;
 const TUKEY: f64 = 4.7;
 
+/// Number of terms of the field.
+const TERMS: usize = size_of::<FieldTerms>() / size_of::<f64>();
+type Covariance = SMatrix<f64, TERMS, TERMS>;
+type Coefficients = SVector<f64, TERMS>;
+
 /// How uncertain the field is. Beyond the depths of the volume it is continued along straight lines.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Uncertainty {
-    /// Covariance of the mean, turns, and of the coefficients of the modes, pixels, row by row.
-    covariance: Vec<f64>,
+    /// Covariance of the mean, turns, and of the coefficients of the modes, pixels.
+    covariance: Covariance,
     /// What is added to the variance of δ beyond the volume, rad²: factors of the distance from the edge, half segments,
     /// and of its square.
     beyond: [f32; 2],
 }
 
 impl Uncertainty {
-    fn new(table: &SegmentTable, covariance: &DMatrix<f64>) -> Self {
-        // The matrix is symmetric: its columns are its rows.
-        let mut own = Self { covariance: covariance.as_slice().to_vec(), beyond: [0.0; 2] };
+    fn new(table: &SegmentTable, covariance: Covariance) -> Self {
+        let mut own = Self { covariance, beyond: [0.0; 2] };
         let Some(modes) = table.drift_modes() else { return own };
         let size = table.size_px();
         let mut sums = [0.0; 2];
@@ -67,7 +69,7 @@ impl Uncertainty {
                 let row =
                     |at: f64| terms_at(table, pixel, (f64::from(segment.reference_px) + side * at * half_px) as f32);
                 let edge = row(1.0);
-                let rise: Vec<f64> = edge.iter().zip(row(1.0 - STEP)).map(|(a, b)| (a - b) / STEP).collect();
+                let rise = (edge - row(1.0 - STEP)) / STEP;
                 sums[0] += 2.0 * own.product(&edge, &rise);
                 sums[1] += own.product(&rise, &rise);
                 count += 1.0;
@@ -78,10 +80,8 @@ impl Uncertainty {
     }
 
     /// Covariance of δ of two rows of terms, rad².
-    fn product(&self, a: &[f64], b: &[f64]) -> f64 {
-        let rows = self.covariance.chunks_exact(b.len());
-        let times = |row: &[f64]| row.iter().zip(b).map(|(c, b)| c * b).sum::<f64>();
-        a.iter().zip(rows).map(|(a, row)| a * times(row)).sum::<f64>() * TAU * TAU
+    fn product(&self, a: &Coefficients, b: &Coefficients) -> f64 {
+        a.dot(&(self.covariance * b)) * TAU * TAU
     }
 
     /// Variance of the field at a pixel and a column of the epipolar frame, rad². 0 if the field was not fitted, and
@@ -102,110 +102,123 @@ impl Uncertainty {
     }
 }
 
-/// The terms of the field at a pixel and a column of the epipolar frame: 1, and δ of each mode.
-fn terms_at(table: &SegmentTable, pixel: [usize; 2], column_px: f32) -> Vec<f64> {
-    let mut terms = vec![1.0];
-    if let Some(modes) = table.drift_modes() {
-        modes.append_deltas(pixel, column_px, &mut terms);
+/// The terms of the field at a pixel and a column of the epipolar frame.
+fn terms_at(table: &SegmentTable, pixel: [usize; 2], column_px: f32) -> Coefficients {
+    match table.drift_modes() {
+        Some(modes) => modes.terms(pixel, column_px).into(),
+        None => Coefficients::ith(0, 1.0),
     }
-    terms
 }
 
 /// The mean of δ of a decided node.
 #[derive(Clone, Copy, Debug)]
 struct Observation {
-    pixel: [usize; 2],
-    column_px: f32,
-    /// δ less the present field, turns.
-    rest_turns: f64,
+    terms: Coefficients,
+    /// δ, turns.
+    delta_turns: f64,
     weight: f64,
 }
 
-/// Fits the field to the nodes that are clear, starting from the present one. `None` if they are too few.
-pub(super) fn fit(
-    view: View<'_>,
-    present: &Drift,
-    runs: &PhaseRuns,
-    nodes: &Nodes,
-    evidence: &Evidence,
-    is_clear: impl Fn(usize) -> bool,
-) -> Option<(Drift, Uncertainty)> {
-    let mut seen = observations(view, runs, nodes, evidence, is_clear);
-    if seen.len() < MIN_NODES {
-        return None;
-    }
-    if seen.len() > MAX_NODES {
-        let count = seen.len();
-        seen = (0..MAX_NODES).map(|i| seen[i * count / MAX_NODES]).collect();
-    }
-    let terms: Vec<f64> = seen.iter().flat_map(|own| terms_at(view.table, own.pixel, own.column_px)).collect();
-    let count = terms.len() / seen.len();
-    let rows = DMatrix::from_row_slice(seen.len(), count, &terms);
-    let present_coefficients = present.coefficients_of(count);
-    // δ itself, as the modes see it.
-    let delta =
-        DVector::from_iterator(seen.len(), seen.iter().map(|own| own.rest_turns)) + &rows * &present_coefficients;
-    let mut solution = present_coefficients;
-    let mut sd = 0.0;
-    let mut root = None;
-    for round in 0..ROUNDS {
-        let rest = &delta - &rows * &solution;
-        let mut sizes: Vec<f64> = rest.iter().map(|r| r.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        sd = (1.4826 * sizes[sizes.len() / 2]).max(0.003 / TAU);
-        if round + 1 == ROUNDS {
-            break;
-        }
-        let (mut normal, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
-        let noise = SURFACE_SD / TAU;
-        for (i, own) in seen.iter().enumerate() {
-            let z = rest[i] / (TUKEY * sd);
-            if z.abs() >= 1.0 {
-                continue;
-            }
-            let weight = own.weight * (1.0 - z * z).powi(2) / (noise * noise * NODES_PER_OBSERVATION);
-            for j in 0..count {
-                let own = weight * rows[(i, j)];
-                right[j] += own * delta[i];
-                for k in 0..=j {
-                    normal[(j, k)] += own * rows[(i, k)];
-                }
-            }
-        }
-        for j in 1..count {
-            normal[(j, j)] += 1.0 / (PRIOR_PX * PRIOR_PX);
-        }
-        for j in 0..count {
-            for k in 0..j {
-                normal[(k, j)] = normal[(j, k)];
-            }
-        }
-        let own = normal.cholesky()?;
-        solution = own.solve(&right);
-        root = Some(own);
-    }
-    let uncertainty = Uncertainty::new(view.table, &root?.inverse());
-    Some((Drift::from_coefficients(view.table, solution.as_slice(), sd * TAU), uncertainty))
+/// Scratch memory of the fit.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Fitting {
+    clear: Vec<u32>,
+    seen: Vec<Observation>,
+    rests: Vec<f64>,
 }
 
-fn observations(
-    view: View<'_>,
-    runs: &PhaseRuns,
-    nodes: &Nodes,
-    evidence: &Evidence,
-    is_clear: impl Fn(usize) -> bool,
-) -> Vec<Observation> {
-    let mut seen = Vec::new();
-    for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
-        let Some(fit) = evidence.fit(i, node.label) else { continue };
-        let (pixel, column_px) = place_of(view, runs, nodes, node);
-        if column_px.is_finite() {
-            let rest_turns = f64::from(fit.moments.mean) / TAU;
-            let weight = f64::from(fit.moments.count / (fit.moments.count + 16.0));
-            seen.push(Observation { pixel, column_px, rest_turns, weight });
+impl Fitting {
+    /// Fits the field to the nodes that are clear, starting from the present one. `prior_px` is the sd of the coefficient
+    /// of a mode, pixels of calibration error. `None` if the nodes are too few.
+    pub(super) fn fit(
+        &mut self,
+        view: View<'_>,
+        (present, prior_px): (&Drift, f64),
+        runs: &PhaseRuns,
+        nodes: &Nodes,
+        evidence: &Evidence,
+        is_clear: impl Fn(usize) -> bool,
+    ) -> Option<(Drift, Uncertainty)> {
+        let mut solution = Coefficients::from(*present.coefficients());
+        self.observe(view, &solution, runs, nodes, evidence, is_clear);
+        let Self { seen, rests, .. } = self;
+        if seen.len() < MIN_NODES {
+            return None;
         }
+        let mut root = None;
+        for _ in 1..ROUNDS {
+            let sd = spread(seen, &solution, rests);
+            let (mut normal, mut right) = (Covariance::zeros(), Coefficients::zeros());
+            let noise = SURFACE_SD / TAU;
+            for (own, rest) in seen.iter().zip(&*rests) {
+                let z = rest / (TUKEY * sd);
+                if z.abs() >= 1.0 {
+                    continue;
+                }
+                let weight = own.weight * (1.0 - z * z).powi(2) / (noise * noise * NODES_PER_OBSERVATION);
+                for j in 0..TERMS {
+                    let term = weight * own.terms[j];
+                    right[j] += term * own.delta_turns;
+                    for k in 0..=j {
+                        normal[(j, k)] += term * own.terms[k];
+                    }
+                }
+            }
+            for j in 1..TERMS {
+                normal[(j, j)] += 1.0 / (prior_px * prior_px);
+            }
+            // The lower triangle is enough.
+            let own = normal.cholesky()?;
+            solution = own.solve(&right);
+            root = Some(own);
+        }
+        let sd = spread(seen, &solution, rests);
+        let uncertainty = Uncertainty::new(view.table, root?.inverse());
+        Some((Drift::from_coefficients(view.table, solution.into(), sd * TAU), uncertainty))
     }
-    seen
+
+    /// Lists what clear nodes show, evenly chosen if they are many.
+    fn observe(
+        &mut self,
+        view: View<'_>,
+        present: &Coefficients,
+        runs: &PhaseRuns,
+        nodes: &Nodes,
+        evidence: &Evidence,
+        is_clear: impl Fn(usize) -> bool,
+    ) {
+        let Self { clear, seen, rests } = self;
+        clear.clear();
+        seen.clear();
+        let all = nodes.nodes.iter().enumerate();
+        clear.extend(all.filter(|(i, node)| node.label != NOTHING && is_clear(*i)).map(|(i, _)| i as u32));
+        let count = clear.len().min(MAX_NODES);
+        for i in 0..count {
+            let number = clear[i * clear.len() / count] as usize;
+            let node = &nodes.nodes[number];
+            let Some(fit) = evidence.fit(number, node.label) else { continue };
+            let (pixel, column_px) = place_of(view, runs, nodes, node);
+            if column_px.is_finite() {
+                let terms = terms_at(view.table, pixel, column_px);
+                let delta_turns = f64::from(fit.moments.mean) / TAU + terms.dot(present);
+                let weight = f64::from(fit.moments.count / (fit.moments.count + 16.0));
+                seen.push(Observation { terms, delta_turns, weight });
+            }
+        }
+        rests.reserve(seen.len());
+    }
+}
+
+/// The rests of all observations about a field, turns, into `rests`, and their sd by the median of their size.
+fn spread(seen: &[Observation], solution: &Coefficients, rests: &mut Vec<f64>) -> f64 {
+    let rest = |own: &Observation| own.delta_turns - own.terms.dot(solution);
+    rests.clear();
+    rests.extend(seen.iter().map(|own| rest(own).abs()));
+    let middle = rests.len() / 2;
+    let median = *rests.select_nth_unstable_by(middle, f64::total_cmp).1;
+    rests.clear();
+    rests.extend(seen.iter().map(rest));
+    (1.4826 * median).max(0.003 / TAU)
 }
 
 /// A pixel in the middle of a node, and its column in the epipolar frame.

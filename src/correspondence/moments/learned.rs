@@ -1,24 +1,27 @@
 //! What is learned of the images: the error field of the rig, the noise of δ, and the widths of true and wrong orders.
 //!
 //! ```text
-//! three times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
+//! some times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
+//! if the means of nodes scatter about that field as wrong orders do: again, with a wide prior of the field
 //! ```
 
+use super::Scratch;
 use super::evidence::Evidence;
 use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths};
 use super::nodes::Nodes;
 use super::noise::Noise;
-use super::{Scratch, field};
 use crate::correspondence::drift::Drift;
-use crate::correspondence::surfaces::order_scores::SearchSpace;
 use crate::correspondence::view::View;
 
-/// Rounds of learning.
-const ROUNDS: usize = 3;
-/// |δ − field| below which a sample fits: about no field, and about the fitted one, rad.
-const FIRST_CAP: f32 = 0.3;
+/// How the field is sought: as the small error of a calibrated rig, or as one of any size.
+const ATTEMPTS: [Attempt; 2] =
+    [Attempt { prior_px: 0.15, first_cap: 0.3, rounds: 3 }, Attempt { prior_px: 1.0, first_cap: 0.8, rounds: 6 }];
+/// |δ − field| below which a sample fits about a fitted field, rad.
 const CAP: f32 = 0.2;
+/// sd of the means of nodes about the field from which on the field is not the true one, rad: true orders leave .008 to
+/// .02, wrong ones .04 to .1.
+const SCATTERED_RAD: f64 = 0.03;
 /// sd of the mean of δ of a true order about no field, rad.
 const FIRST_MEAN_SD: f32 = 0.06;
 /// Spread of the mean of a wrong order given that of its neighbours, rad per largest tile.
@@ -36,9 +39,22 @@ const TRUE_WIDTHS: [f32; 2] = [0.01, 0.04];
 /// Fewest values from which a width is measured.
 const MIN_VALUES: usize = 50;
 
+/// The prior of the field and the rounds of a search.
+struct Attempt {
+    /// sd of the coefficient of a mode, pixels of calibration error.
+    prior_px: f64,
+    /// |δ − field| below which a sample fits about no field, rad.
+    first_cap: f32,
+    /// Rounds of learning.
+    rounds: usize,
+}
+
+/// Scratch memory for values of nodes.
+pub(super) type Values = Vec<[f32; 3]>;
+
 /// What is learned of the images.
-pub(super) struct Learned {
-    pub(super) field: Drift,
+pub(in crate::correspondence) struct Learned {
+    pub(in crate::correspondence) field: Drift,
     pub(super) noise: Noise,
     pub(super) widths: Widths,
     pub(super) uncertainty: Uncertainty,
@@ -46,56 +62,99 @@ pub(super) struct Learned {
     pub(super) cap: f32,
     /// Whether this is the last round, about the final field.
     pub(super) is_settled: bool,
+    /// Mean log likelihood ratio of a pixel by its node, nats.
+    pub(in crate::correspondence) nats: f64,
 }
 
 impl Scratch {
     /// Decides the largest nodes while field, noise and widths are learned from them.
-    pub(super) fn learn(
-        &mut self,
-        view: View<'_>,
-        space: &SearchSpace,
-        tile_px: usize,
-        known: Option<&Drift>,
-    ) -> Learned {
-        let field = known.cloned().unwrap_or_else(|| Drift::level(0.0, f64::from(FIRST_MEAN_SD)));
+    pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
+        let [usual, any] = &ATTEMPTS;
+        let none = Drift::level(0.0, f64::from(FIRST_MEAN_SD));
+        let mut best: Option<Learned> = None;
+        for (attempt, start) in [(usual, Some(&none)), (usual, known), (any, Some(&none))] {
+            let Some(start) = start else { continue };
+            let learned = self.learn_from(view, attempt, start);
+            if !learned.is_scattered() {
+                return learned;
+            }
+            best = Some(match best {
+                Some(before) if before.nats >= learned.nats => before,
+                _ => learned,
+            });
+        }
+        // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
+        let mut best = best.unwrap_or_else(|| Learned::about(&none, any));
+        self.ask(view, 0, &best, &[]);
+        best.nats = self.nats();
+        best
+    }
+
+    /// Learns in rounds, starting from a field.
+    fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift) -> Learned {
+        let mut learned = Learned::about(start, attempt);
+        for round in 0..attempt.rounds {
+            learned.is_settled = round + 1 == attempt.rounds;
+            self.ask(view, 0, &learned, &[]);
+            let Self { runs, nodes, evidence, fitting, values, .. } = self;
+            let is_clear = |i: usize| {
+                let node = &nodes.nodes[i];
+                let fit = evidence.fit(i, node.label);
+                node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
+            };
+            let start = (&learned.field, attempt.prior_px);
+            if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, is_clear) {
+                (learned.field, learned.uncertainty) = found;
+            }
+            learned.noise = learned.noise.learn(view, nodes, evidence, is_clear, values);
+            learned.widths.wrong_slopes =
+                wrong_slopes(nodes, evidence, is_clear, values).unwrap_or(learned.widths.wrong_slopes);
+            let [mean, along, across] = true_widths(nodes, evidence, is_clear, values).unwrap_or(USUAL_WIDTHS);
+            (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
+            learned.cap = CAP;
+        }
+        learned.nats = self.nats();
+        learned
+    }
+
+    /// Mean log likelihood ratio of a pixel by its node at its order, nats.
+    fn nats(&self) -> f64 {
+        let Self { nodes, evidence, .. } = self;
+        let (mut pixels, mut nats) = (0.0, 0.0);
+        for (i, node) in nodes.nodes.iter().enumerate().filter(|(_, node)| node.sampled > 0) {
+            let size_px = f64::from(node.size_px);
+            pixels += size_px;
+            nats += evidence.fit(i, node.label).map_or(0.0, |fit| size_px * f64::from(fit.ratio.max(0.0)));
+        }
+        nats / f64::max(pixels, 1.0)
+    }
+}
+
+impl Learned {
+    /// What is known before anything is learned.
+    fn about(field: &Drift, attempt: &Attempt) -> Self {
         let widths = Widths {
             mean: FIRST_MEAN_SD,
             slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
             wrong_slopes: WRONG_SLOPES,
             wrong_mean: None,
         };
-        let mut learned = Learned {
-            field,
+        Self {
+            field: field.clone(),
             noise: Noise::default(),
             widths,
             uncertainty: Uncertainty::default(),
-            cap: FIRST_CAP,
+            cap: attempt.first_cap,
             is_settled: false,
-        };
-        for round in 0..ROUNDS {
-            learned.is_settled = round + 1 == ROUNDS;
-            self.ask(view, space, tile_px, 0, &learned, &[]);
-            let Self { nodes, evidence, .. } = self;
-            let is_clear = |i: usize| {
-                let node = &nodes.nodes[i];
-                let fit = evidence.fit(i, node.label);
-                node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
-            };
-            if let Some(found) = field::fit(view, &learned.field, &self.runs, nodes, evidence, is_clear) {
-                (learned.field, learned.uncertainty) = found;
-            }
-            learned.noise = learned.noise.learn(view, nodes, evidence, is_clear);
-            learned.widths.wrong_slopes =
-                wrong_slopes(nodes, evidence, is_clear).unwrap_or(learned.widths.wrong_slopes);
-            let [mean, along, across] = true_widths(nodes, evidence, is_clear).unwrap_or(USUAL_WIDTHS);
-            (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
-            learned.cap = CAP;
+            nats: 0.0,
         }
-        learned
     }
-}
 
-impl Learned {
+    /// Whether the means of nodes lie about the field as those of wrong orders do.
+    pub(in crate::correspondence) fn is_scattered(&self) -> bool {
+        self.field.residual_sd_rad.is_nan() || self.field.residual_sd_rad > SCATTERED_RAD
+    }
+
     /// Widths for the tiles of a level. A node of the largest tiles is asked without regard to its neighbours.
     pub(super) fn widths_at(&self, level: u8) -> Widths {
         let beside = self.widths_beside(level);
@@ -112,32 +171,42 @@ impl Learned {
 }
 
 /// The widths of slopes of wrong orders: of the labels of clear nodes other than the decided one.
-fn wrong_slopes(nodes: &Nodes, evidence: &Evidence, is_clear: impl Fn(usize) -> bool) -> Option<[f32; 2]> {
-    let mut slopes = [Vec::new(), Vec::new()];
+fn wrong_slopes(
+    nodes: &Nodes,
+    evidence: &Evidence,
+    is_clear: impl Fn(usize) -> bool,
+    values: &mut Values,
+) -> Option<[f32; 2]> {
+    values.clear();
     for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i)) {
-        for fit in evidence.fits_of(i).iter().filter(|fit| fit.label != node.label) {
-            (0..2).for_each(|axis| slopes[axis].push(fit.moments.slopes[axis].abs()));
-        }
+        let wrong = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
+        values.extend(wrong.map(|fit| [0.0, fit.moments.slopes[0].abs(), fit.moments.slopes[1].abs()]));
     }
-    widths(slopes)
+    widths(values).map(|[_, along, across]| [along, across])
 }
 
 /// The widths of mean and slopes of true orders: of the decided labels of clear nodes.
-fn true_widths(nodes: &Nodes, evidence: &Evidence, is_clear: impl Fn(usize) -> bool) -> Option<[f32; 3]> {
-    let mut seen = [Vec::new(), Vec::new(), Vec::new()];
-    for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i)) {
-        let Some(fit) = evidence.fit(i, node.label) else { continue };
-        let Moments { mean, slopes: [along, across], .. } = fit.moments;
-        seen.iter_mut().zip([mean, along, across]).for_each(|(seen, value)| seen.push(value.abs()));
-    }
-    widths(seen).map(|widths| widths.map(|width| width.clamp(TRUE_WIDTHS[0], TRUE_WIDTHS[1])))
+fn true_widths(
+    nodes: &Nodes,
+    evidence: &Evidence,
+    is_clear: impl Fn(usize) -> bool,
+    values: &mut Values,
+) -> Option<[f32; 3]> {
+    values.clear();
+    let clear = nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i));
+    values.extend(clear.filter_map(|(i, node)| {
+        let Moments { mean, slopes: [along, across], .. } = evidence.fit(i, node.label)?.moments;
+        Some([mean.abs(), along.abs(), across.abs()])
+    }));
+    widths(values).map(|widths| widths.map(|width| width.clamp(TRUE_WIDTHS[0], TRUE_WIDTHS[1])))
 }
 
-/// Width of the density of Student's t of each list of amounts, by their median. `None` if they are too few.
-fn widths<const N: usize>(amounts: [Vec<f32>; N]) -> Option<[f32; N]> {
-    let width = |mut amounts: Vec<f32>| {
-        amounts.sort_by(f32::total_cmp);
-        amounts[amounts.len() / 2] / STUDENT_MEDIAN
+/// Width of the density of Student's t of each column of amounts, by its median. `None` if they are too few.
+fn widths(values: &mut Values) -> Option<[f32; 3]> {
+    let middle = values.len() / 2;
+    let mut width = |column: usize| {
+        let by_column = |a: &[f32; 3], b: &[f32; 3]| a[column].total_cmp(&b[column]);
+        values.select_nth_unstable_by(middle, by_column).1[column] / STUDENT_MEDIAN
     };
-    amounts.iter().all(|amounts| amounts.len() >= MIN_VALUES).then(|| amounts.map(width))
+    (middle >= MIN_VALUES / 2).then(|| [width(0), width(1), width(2)])
 }

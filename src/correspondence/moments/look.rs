@@ -15,14 +15,14 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 use super::likelihood::radians;
 use super::nodes::{NONE, Nodes};
 use super::noise::Noise;
+use super::orders::columns_around_each;
+use super::phase_runs::PhaseRuns;
 use super::{BEYOND, INSIDE, OPEN, Pixels};
 use crate::correspondence::drift::{DepthRow, Drift};
 use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::kernels::Segments;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
-use crate::correspondence::surfaces::columns_around_each;
-use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 use crate::phase::Modulation;
 
@@ -166,6 +166,7 @@ struct RowLook<'a> {
 }
 
 /// What a pixel saw.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Seen {
     pub(super) column_px: f32,
     /// δ, δ less the field, and the rise of C2's phase over a column, turns · 65536.

@@ -19,6 +19,9 @@
 
 mod adopt;
 mod belief;
+mod confidence;
+mod continuity;
+mod decay;
 mod evidence;
 mod field;
 mod learned;
@@ -27,26 +30,35 @@ mod look;
 mod nodes;
 mod noise;
 mod offsets;
+mod orders;
 mod parts;
+mod phase_runs;
+mod pixel_search;
 mod verdict;
 
 use fringeflow_base::outcome::Outcome;
+use rayon::prelude::*;
 
+use self::adopt::Adoption;
 use self::belief::Messages;
+pub use self::confidence::{CONFIDENCE_TERMS, Confidence, Grounds};
+use self::continuity::Continuity;
 use self::evidence::{Evidence, Question};
-use self::learned::Learned;
+use self::field::Fitting;
+pub(super) use self::learned::Learned;
+use self::learned::Values;
 use self::likelihood::Moments;
 use self::look::TileRow;
 use self::nodes::{LABELS, NONE, Nodes};
+use self::orders::SearchSpace;
+use self::phase_runs::{MAX_BEND, PhaseRuns};
 use self::verdict::Verdict;
 use super::chosen::ChosenCandidates;
+use super::delta_statistics::DeltaSums;
 use super::disjoint_sets::DisjointSets;
 use super::drift::Drift;
 use super::pool::Pool;
 use super::segment_table::EpipolarAxis;
-use super::semi_global::{Confidence, Decisions, Limits};
-use super::surfaces::order_scores::SearchSpace;
-use super::surfaces::runs::{MAX_BEND, PhaseRuns};
 use super::view::View;
 use crate::phase::PhaseMap;
 
@@ -67,13 +79,31 @@ const PRICE_NATS: f32 = 5.0;
 /// by its nodes, but no node more than the first; while the field is learned, each node bears the first.
 const OUTSIDE_NODE_NATS: f32 = 4.0;
 const OUTSIDE_NATS: f32 = 30.0;
-/// Least ratio of a surface to stand, nats.
-const STAND_NATS: f32 = 0.0;
 /// sd of the offset of a surface from the field, rad.
 const OFFSET_SD: f32 = 0.05;
 /// Distance of the pixels whose bend is measured, and limit of bends, medians of their size: 2.5 sd.
 const BEND_STRIDE: usize = 37;
 const BEND_SD: f32 = 2.5 * 1.4826;
+
+/// Decisions about all pixels of C1, row by row. The old contents of the vectors do not matter.
+pub(super) struct Decisions<'a> {
+    pub(super) outcomes: &'a mut Vec<Outcome>,
+    pub(super) chosen: &'a mut ChosenCandidates,
+    /// Orders at which the surface around each point could be.
+    pub(super) passing: &'a mut Vec<u8>,
+    /// Probability that each point is true.
+    pub(super) confidence: &'a mut Vec<Confidence>,
+    /// What each probability rests on, if wanted.
+    pub(super) grounds: Option<&'a mut Vec<Grounds>>,
+}
+
+/// Limits that a point must reach.
+pub(super) struct Limits {
+    /// Pixels of its surface.
+    pub(super) min_region_px: u32,
+    /// Probability of being true.
+    pub(super) min_confidence: f32,
+}
 
 /// A node whose pixels were looked at.
 #[derive(Clone, Copy, Debug)]
@@ -84,6 +114,8 @@ struct Part {
     moments: Option<Moments>,
     /// Odds against every other order and against none, nats.
     odds: f32,
+    /// Orders in the volume that its own samples leave possible.
+    candidates: u8,
     /// Variance of the field there, rad².
     field_variance: f32,
 }
@@ -122,68 +154,98 @@ impl Planes {
 pub(super) struct Scratch {
     runs: PhaseRuns,
     bases: Vec<i32>,
+    middles: Vec<[f64; 2]>,
+    bends: Vec<u16>,
     nodes: Nodes,
     /// Nodes of each surface.
     of_surface: Vec<u32>,
     evidence: Evidence,
     messages: Messages,
+    fitting: Fitting,
+    values: Values,
     sets: DisjointSets,
+    /// Component of each node, and its sums: weighted mean of δ, rad, weight, and ratio, nats.
+    set_of: Vec<usize>,
+    sums: Vec<[f32; 3]>,
     parts: Vec<Part>,
     part_of: Vec<u32>,
     offsets: Vec<f32>,
     planes: Planes,
     looks: Pool<TileRow>,
+    adoption: Adoption,
     verdict: Verdict,
+    continuity: Continuity,
 }
 
 impl Scratch {
-    /// Decides every pixel; returns the error field.
+    /// Divides C1 into surfaces, and learns the error field from them. `known` is the field of an earlier window.
+    pub(super) fn explain(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
+        let max_bend = max_bend(view.cam1, &mut self.bends);
+        self.runs.find(view.cam1, view.table, max_bend);
+        self.find_bases(view);
+        self.learn(view, known)
+    }
+
+    /// Decides every pixel from what [`Self::explain`] learned; returns the error field.
     pub(super) fn resolve(
         &mut self,
         view: View<'_>,
-        known: Option<&Drift>,
+        learned: Learned,
         limits: &Limits,
         decisions: &mut Decisions<'_>,
     ) -> Drift {
         let count = view.cam1.phase.len();
-        let tile_px = if count < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
-        let space = SearchSpace::from_table(view.table);
-        self.runs.find(view.cam1, view.table, max_bend(view.cam1));
-        self.find_bases(view);
         let mut planes = std::mem::take(&mut self.planes);
         planes.reset(count);
-        let Decisions { outcomes, chosen, passing, confidence } = decisions;
+        let Decisions { outcomes, chosen, passing, confidence, grounds } = decisions;
         chosen.resize(count);
         let mut pixels = Pixels { chosen, state: &mut planes.state, owner: &mut planes.owner, rest: &mut planes.rest };
         self.parts.clear();
-        let learned = self.learn(view, &space, tile_px, known);
         for level in 0..LEVELS {
             if level > 0 {
-                self.ask(view, &space, tile_px, level, &learned, pixels.state);
+                self.ask(view, level, &learned, pixels.state);
             }
             self.keep(view, level, &learned, &pixels);
             let parts = (&self.part_of[..], &self.offsets[..]);
             look::look(view, &learned.field, &self.runs, &self.nodes, parts, learned.noise, &mut pixels, &self.looks);
+            // A small surface may yet grow in smaller tiles.
+            let min_px = if level + 1 < LEVELS { 0 } else { limits.min_region_px };
+            self.reopen(view, min_px, &mut pixels);
         }
-        adopt::adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
+        self.adoption.adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
         self.verdict.judge(view, &self.parts, &learned, &pixels);
         outcomes.clear();
         outcomes.resize(count, Outcome::RejectedByDelta);
         self.drop_unfounded(view, limits.min_region_px, &mut pixels, outcomes);
+        self.continuity.count(view, &pixels);
         passing.clear();
         passing.resize(count, 0);
         confidence.clear();
         confidence.resize(count, Confidence::NONE);
+        if let Some(grounds) = grounds {
+            grounds.clear();
+            grounds.resize(count, Grounds::default());
+        }
+        let (mut usable, mut decided) = (0_u32, 0_u32);
+        let mut rests = DeltaSums::default();
         for pixel in 0..count {
             if outcomes[pixel] == Outcome::RejectedByDelta {
                 outcomes[pixel] = self.outcome(view, &pixels, pixel);
             }
+            usable += u32::from(view.cam1.valid[pixel] && view.table.has_segment(pixel));
+            decided += u32::from(pixels.state[pixel] != OPEN);
             if outcomes[pixel].is_found() {
-                let own = Confidence::of_log_odds(self.verdict.log_odds(pixel, pixels.owner[pixel]));
+                let owner = pixels.owner[pixel];
+                let of_pixel = self.verdict.grounds(pixel, owner, self.continuity.of_pixels[pixel]);
+                if let Some(grounds) = grounds {
+                    grounds[pixel] = of_pixel;
+                }
+                let own = Confidence::of(&of_pixel);
                 if own.probability() < limits.min_confidence {
                     outcomes[pixel] = Outcome::Ambiguous;
                 } else {
-                    (passing[pixel], confidence[pixel]) = (1, own);
+                    (passing[pixel], confidence[pixel]) = (self.parts[owner as usize].candidates, own);
+                    rests = rests.merged(DeltaSums::of(pixels.rest[pixel]));
                 }
             }
             if !outcomes[pixel].is_found() {
@@ -191,13 +253,15 @@ impl Scratch {
             }
         }
         self.planes = planes;
-        learned.field
+        let share = f64::from(decided) / f64::from(usable.max(1));
+        learned.field.seen(rests.mean_and_sd_rad().1, share)
     }
 
     /// The order of label 0 of each surface: the middle label is the middle of the volume, averaged over the surface.
     fn find_bases(&mut self, view: View<'_>) {
-        let Self { runs, bases, .. } = self;
-        let mut sums = vec![[0.0_f64; 2]; runs.surfaces];
+        let Self { runs, bases, middles: sums, .. } = self;
+        sums.clear();
+        sums.resize(runs.surfaces, [0.0; 2]);
         for run in &runs.runs.all {
             let pixel = (run.pixels().start + run.pixels().end) / 2;
             let segment = view.table.segment(pixel);
@@ -215,9 +279,11 @@ impl Scratch {
     }
 
     /// Divides what is open into nodes of a level, and decides them.
-    fn ask(&mut self, view: View<'_>, space: &SearchSpace, tile_px: usize, level: u8, learned: &Learned, state: &[u8]) {
+    fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, state: &[u8]) {
         let Self { runs, bases, nodes, of_surface, evidence, messages, .. } = self;
         let size = [view.cam1.width, view.cam1.height];
+        let tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
+        let space = SearchSpace::from_table(view.table);
         let is_all = level == 0;
         nodes.divide(size, tile_px >> level, runs, bases, |pixel| is_all || state[pixel] == OPEN);
         of_surface.clear();
@@ -235,9 +301,21 @@ impl Scratch {
             noise: learned.noise,
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };
-        evidence.gather(view, &learned.field, space, runs, nodes, &question);
+        evidence.gather(view, &learned.field, &space, runs, nodes, &question);
         let price = PRICE_NATS / f32::from(1_u16 << level).sqrt();
         belief::decide(nodes, &evidence.scores, price, messages);
+    }
+
+    /// Opens the pixels of components again whose means speak against them, and of small ones: smaller tiles may see
+    /// another order, and pixels beside a surface continue it.
+    fn reopen(&mut self, view: View<'_>, min_px: u32, pixels: &mut Pixels<'_>) {
+        self.verdict.judge_means(view, &self.parts, pixels);
+        let Pixels { owner, state, .. } = pixels;
+        owner.par_iter_mut().zip(&mut **state).for_each(|(owner, state)| {
+            if *owner != NONE && !self.verdict.of(*owner).stands(min_px) {
+                (*owner, *state) = (NONE, OPEN);
+            }
+        });
     }
 
     /// Drops components that are not founded, and points whose place in C2 a better founded component holds.
@@ -253,14 +331,13 @@ impl Scratch {
             if owner == NONE {
                 continue;
             }
-            let component = self.verdict.of(owner);
-            if component.nats < STAND_NATS || component.size_px < min_region_px {
+            if !self.verdict.of(owner).stands(min_region_px) {
                 outcomes[pixel] = Outcome::Ambiguous;
                 pixels.owner[pixel] = NONE;
                 pixels.state[pixel] = OPEN;
             }
         }
-        for pixel in self.verdict.taken(view, pixels) {
+        for &pixel in self.verdict.taken(view, pixels) {
             let pixel = pixel as usize;
             outcomes[pixel] = Outcome::Contradicted;
             pixels.owner[pixel] = NONE;
@@ -271,8 +348,11 @@ impl Scratch {
     /// The outcome of a pixel that was not dropped.
     fn outcome(&self, view: View<'_>, pixels: &Pixels<'_>, pixel: usize) -> Outcome {
         match pixels.state[pixel] {
-            INSIDE if self.parts[pixels.owner[pixel] as usize].level == 0 => Outcome::Reference,
-            INSIDE => Outcome::AcrossEpipolar,
+            INSIDE => match self.parts[pixels.owner[pixel] as usize] {
+                Part { candidates: 1, level: 0, .. } => Outcome::Reference,
+                Part { candidates: 1, .. } => Outcome::Unique,
+                _ => Outcome::AcrossEpipolar,
+            },
             BEYOND => Outcome::OutsideVolume,
             _ if !view.cam1.valid[pixel] => Outcome::Invalid,
             _ if !view.table.has_segment(pixel) => Outcome::OutsideVolume,
@@ -282,15 +362,14 @@ impl Scratch {
 }
 
 /// Bend of the phase at which a surface ends: a multiple of the sd of the second difference, which noise causes.
-fn max_bend(cam1: &PhaseMap) -> u16 {
-    let mut bends: Vec<u16> = (1..cam1.phase.len().saturating_sub(1))
-        .step_by(BEND_STRIDE)
-        .filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1])
-        .map(|i| {
-            let rise = |i: usize| i32::from(cam1.phase[i + 1].wrapping_sub(cam1.phase[i]) as i16);
-            (rise(i) - rise(i - 1)).unsigned_abs().min(u32::from(u16::MAX)) as u16
-        })
-        .collect();
+fn max_bend(cam1: &PhaseMap, bends: &mut Vec<u16>) -> u16 {
+    let places = (1..cam1.phase.len().saturating_sub(1)).step_by(BEND_STRIDE);
+    let known = places.filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1]);
+    bends.clear();
+    bends.extend(known.map(|i| {
+        let rise = |i: usize| i32::from(cam1.phase[i + 1].wrapping_sub(cam1.phase[i]) as i16);
+        (rise(i) - rise(i - 1)).unsigned_abs().min(u32::from(u16::MAX)) as u16
+    }));
     if bends.is_empty() {
         return MAX_BEND;
     }

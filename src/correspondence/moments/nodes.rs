@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::correspondence::surfaces::runs::PhaseRuns;
+use super::phase_runs::PhaseRuns;
 
 /// Stands for no node.
 pub(super) const NONE: u32 = u32::MAX;
@@ -122,7 +122,10 @@ impl Nodes {
     ) {
         let Self { nodes, pieces, tile_rows, bands, .. } = self;
         self.tile_px = tile_px;
-        bands.resize(height.div_ceil(tile_px), Band::default());
+        // Rows of smaller tiles are more: their memory is kept for the next image.
+        let rows = height.div_ceil(tile_px);
+        bands.resize(bands.len().max(rows), Band::default());
+        let bands = &mut bands[..rows];
         bands.par_iter_mut().enumerate().for_each(|(i, band)| {
             band.divide(width, tile_px, i * tile_px..((i + 1) * tile_px).min(height), runs, bases, &is_open);
         });
@@ -146,7 +149,7 @@ impl Nodes {
     /// Links the nodes of neighbouring tile rows.
     fn link_rows(&mut self) {
         let Self { nodes, tile_rows, bands, .. } = self;
-        for i in 1..bands.len() {
+        for i in 1..tile_rows.len() - 1 {
             let (above, below) = (&bands[i - 1], tile_rows[i]);
             for node in below..tile_rows[i + 1] {
                 if let Some(other) = above.node_of(nodes[node].tile, nodes[node].surface) {

@@ -1,6 +1,7 @@
 //! Noise of δ of a pixel: variance a + b/B², B the modulation. Part of it is what the field cannot follow.
 
 use super::evidence::Evidence;
+use super::learned::Values;
 use super::nodes::{NOTHING, Nodes};
 use crate::correspondence::view::View;
 
@@ -45,26 +46,27 @@ impl Noise {
         nodes: &Nodes,
         evidence: &Evidence,
         is_clear: impl Fn(usize) -> bool,
+        seen: &mut Values,
     ) -> Self {
-        let mut seen: Vec<[f32; 2]> = Vec::new();
+        seen.clear();
         for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
             let Some(fit) = evidence.fit(i, node.label).filter(|fit| fit.moments.count >= 12.0) else { continue };
             let [u, v] = nodes.middle_of(node).middle();
             let pixel = v * view.cam1.width + u;
             let modulation = view.cam1.modulation[pixel].grey().max(MIN_MODULATION);
-            seen.push([1.0 / (modulation * modulation), fit.moments.residual]);
+            seen.push([1.0 / (modulation * modulation), fit.moments.residual, 0.0]);
         }
         if seen.len() < BINS * MIN_NODES {
             return *self;
         }
-        seen.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        seen.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         let [mut w, mut x, mut xx, mut y, mut xy] = [0.0_f64; 5];
         for bin in 0..BINS {
             let range = seen.len() * bin / BINS..seen.len() * (bin + 1) / BINS;
             let own = &mut seen[range];
             let at = own.iter().map(|pair| f64::from(pair[0])).sum::<f64>() / own.len() as f64;
-            own.sort_by(|a, b| a[1].total_cmp(&b[1]));
-            let median = f64::from(own[own.len() / 2][1]);
+            let middle = own.len() / 2;
+            let median = f64::from(own.select_nth_unstable_by(middle, |a, b| a[1].total_cmp(&b[1])).1[1]);
             let weight = 1.0 / (median * median + 1e-12);
             w += weight;
             x += weight * at;

@@ -30,8 +30,13 @@ pub(super) struct PartMean {
 
 impl PartMean {
     fn weight(&self) -> f32 {
-        (self.size_px as f32 / FULL_PX).min(1.0)
+        weight(self.size_px)
     }
+}
+
+/// How much a part of so many pixels counts.
+pub(super) fn weight(size_px: u32) -> f32 {
+    (size_px as f32 / FULL_PX).min(1.0)
 }
 
 /// The offset of a component, and the sums of its fit.
@@ -43,42 +48,55 @@ struct Offset {
     variance: f32,
     weighted: f32,
     weight: f32,
+    /// Log likelihood ratio of the component, nats.
+    ratio: f32,
 }
 
-/// Log likelihood ratio of each of `count` components, true against wrong, nats.
-pub(super) fn ratios(parts: &[PartMean], count: usize) -> Vec<f32> {
-    let mut offsets = vec![Offset::default(); count];
-    for part in parts {
-        let own = &mut offsets[part.component as usize];
-        own.weighted += part.weight() * part.field_variance;
-        own.weight += part.weight();
-    }
-    for own in &mut offsets {
-        own.variance = (own.weighted / own.weight.max(f32::MIN_POSITIVE)).max(MIN_VARIANCE);
-    }
-    // The first round has plain weights: the offset starts in the middle of the parts.
-    for round in 0..=ROUNDS {
-        offsets.iter_mut().for_each(|own| (own.weighted, own.weight) = (0.0, 0.0));
-        for part in parts {
+/// The components, and the parts from which their offsets are fitted.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Offsets {
+    pub(super) parts: Vec<PartMean>,
+    of_components: Vec<Offset>,
+}
+
+impl Offsets {
+    /// Log likelihood ratio of each of `count` components, true against wrong, nats.
+    pub(super) fn ratios(&mut self, count: usize) -> impl Iterator<Item = f32> {
+        let Self { parts, of_components: offsets } = self;
+        offsets.clear();
+        offsets.resize(count, Offset::default());
+        for part in &*parts {
             let own = &mut offsets[part.component as usize];
-            let variance = part.moments.variance_within();
-            let off = part.moments.mean - own.mean;
-            let robust = if round == 0 { 1.0 } else { student_weight(off * off / variance) };
-            own.weighted += part.weight() * robust / variance * part.moments.mean;
-            own.weight += part.weight() * robust / variance;
+            own.weighted += part.weight() * part.field_variance;
+            own.weight += part.weight();
         }
-        for own in &mut offsets {
-            let prior =
-                if round == 0 { 0.0 } else { student_weight(own.mean * own.mean / own.variance) / own.variance };
-            own.mean = own.weighted / (own.weight + prior).max(f32::MIN_POSITIVE);
+        for own in &mut *offsets {
+            own.variance = (own.weighted / own.weight.max(f32::MIN_POSITIVE)).max(MIN_VARIANCE);
         }
+        // The first round has plain weights: the offset starts in the middle of the parts.
+        for round in 0..=ROUNDS {
+            offsets.iter_mut().for_each(|own| (own.weighted, own.weight) = (0.0, 0.0));
+            for part in &*parts {
+                let own = &mut offsets[part.component as usize];
+                let variance = part.moments.variance_within();
+                let off = part.moments.mean - own.mean;
+                let robust = if round == 0 { 1.0 } else { student_weight(off * off / variance) };
+                own.weighted += part.weight() * robust / variance * part.moments.mean;
+                own.weight += part.weight() * robust / variance;
+            }
+            for own in &mut *offsets {
+                let prior =
+                    if round == 0 { 0.0 } else { student_weight(own.mean * own.mean / own.variance) / own.variance };
+                own.mean = own.weighted / (own.weight + prior).max(f32::MIN_POSITIVE);
+            }
+        }
+        offsets.iter_mut().for_each(|own| own.ratio = -student_cost(own.mean * own.mean / own.variance));
+        for part in &*parts {
+            let own = &mut offsets[part.component as usize];
+            own.ratio += part.weight() * part.moments.ratio_within(own.mean);
+        }
+        offsets.iter().map(|own| own.ratio)
     }
-    let mut ratios: Vec<f32> = offsets.iter().map(|own| -student_cost(own.mean * own.mean / own.variance)).collect();
-    for part in parts {
-        let own = part.component as usize;
-        ratios[own] += part.weight() * part.moments.ratio_within(offsets[own].mean);
-    }
-    ratios
 }
 
 #[cfg(test)]
@@ -92,7 +110,8 @@ mod tests {
             moments: Moments { mean: *mean, variance: [1e-6; 3], share: 1.0, count: 64.0, ..Moments::default() },
             field_variance: field_sd * field_sd,
         };
-        ratios(&means.iter().map(part).collect::<Vec<_>>(), 1)[0]
+        let mut offsets = Offsets { parts: means.iter().map(part).collect(), ..Offsets::default() };
+        offsets.ratios(1).next().unwrap()
     }
 
     #[test]
@@ -122,6 +141,6 @@ mod tests {
 
     #[test]
     fn components_without_parts_have_no_evidence() {
-        assert_eq!(ratios(&[], 2), [0.0, 0.0]);
+        assert!(Offsets::default().ratios(2).eq([0.0, 0.0]));
     }
 }

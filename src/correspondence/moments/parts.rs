@@ -6,13 +6,14 @@
 //! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree
 //! ```
 
+use super::evidence::Fit;
 use super::field;
 use super::learned::Learned;
 use super::likelihood::{FLOOR_NATS, ratio_of_offset};
 use super::nodes::{NONE, NOTHING, Node, Nodes};
+use super::phase_runs::PhaseRuns;
 use super::{OFFSET_SD, Part, Pixels, Scratch};
 use crate::correspondence::neighbourhood::MAX_STEP;
-use crate::correspondence::surfaces::runs::PhaseRuns;
 use crate::correspondence::view::View;
 
 /// Least ratio of a component of nodes to be looked at, nats. Where another order fits the samples of a node better by as
@@ -24,7 +25,7 @@ const MIN_CONTACTS: u32 = 2;
 impl Scratch {
     /// Makes parts of the nodes whose component is founded well enough to be looked at.
     pub(super) fn keep(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: &Pixels<'_>) {
-        let Self { runs, nodes, evidence, sets, parts, part_of, offsets, .. } = self;
+        let Self { runs, nodes, evidence, sets, set_of, sums, parts, part_of, offsets, .. } = self;
         let all = &nodes.nodes;
         sets.reset(all.iter().map(|_| 1));
         for (i, node) in all.iter().enumerate().filter(|(_, node)| node.label != NOTHING) {
@@ -34,9 +35,10 @@ impl Scratch {
                 }
             }
         }
-        let mut set_of = Vec::with_capacity(all.len());
+        set_of.clear();
         let count = sets.number(|_, offset| set_of.push(offset.set as usize));
-        let mut sums = vec![[0.0_f32; 3]; count];
+        sums.clear();
+        sums.resize(count, [0.0; 3]);
         let is_judged = |node: &Node| node.sampled > 0 && node.label != NOTHING;
         for (i, node) in all.iter().enumerate().filter(|(_, node)| is_judged(node)) {
             if let Some(fit) = evidence.fit(i, node.label) {
@@ -45,7 +47,7 @@ impl Scratch {
                 sum[1] += fit.moments.count;
             }
         }
-        for sum in &mut sums {
+        for sum in &mut *sums {
             sum[0] /= sum[1].max(1.0);
             sum[2] = ratio_of_offset(sum[0], OFFSET_SD);
         }
@@ -92,7 +94,9 @@ impl Scratch {
             let others = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
             let other = others.fold(0.0_f32, |most, fit| most.max(fit.ratio));
             let odds = moments.map_or(FLOOR_NATS, |moments| moments.ratio(0.0, &widths)) - other;
-            parts.push(Part { level, offset: offsets[i], moments, odds, field_variance });
+            let remains = |fit: &&Fit| fit.is_inside && fit.ratio >= own.max(LOOK_NATS) - LOOK_NATS;
+            let candidates = evidence.fits_of(i).iter().filter(remains).count().clamp(1, 255) as u8;
+            parts.push(Part { level, offset: offsets[i], moments, odds, candidates, field_variance });
         }
     }
 }

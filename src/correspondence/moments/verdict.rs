@@ -13,27 +13,30 @@
 
 use rayon::prelude::*;
 
+use super::confidence::Grounds;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
 use super::nodes::NONE;
-use super::offsets::{self, PartMean};
+use super::offsets::{self, Offsets, PartMean};
 use super::{Part, Pixels};
 use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// Exponent of the share of free places: its density for a true surface is (1 + e)·shareᵉ.
-const FREE_EXPONENT: f32 = 4.0;
+/// Exponent of the share of free places: its density for a true surface is (1 + e)·shareᵉ. That of a wrong surface is
+/// uniform where it is contested at all; a wrong surface may also lie where no other one claims places, so that many free
+/// places are no evidence for a surface.
+const FREE_EXPONENT: f32 = 8.0;
+/// ln(1 + e).
+const LN_FREE: f32 = 2.197_224_6;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
-/// Reach of the places around a contested one, in which claims are counted, pixels.
+/// Reach of the places around a contested one, in which claims are counted, pixels, and exponent of their share.
 const CLAIM_REACH: isize = 2;
-
-/// Log odds of a point: a constant, and the factors of the logarithm of its component's ratio, of its part's odds and of
-/// what its own δ costs. Fitted by logistic regression to the points of 143 scenes of the list to build with.
-const CONFIDENCE: [f32; 4] = [3.76, 0.25, 0.32, 0.51];
+const CLAIM_EXPONENT: f32 = 4.0;
 
 /// What it is worth that a surface is the nearer one of two, nats.
 const NEARER_NATS: f32 = 1.5;
@@ -42,10 +45,18 @@ const NEARER_NATS: f32 = 1.5;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Component {
     /// Log likelihood ratio, nats.
-    pub(super) nats: f32,
-    /// Points and parts.
-    pub(super) size_px: u32,
-    parts: u32,
+    nats: f32,
+    /// Points.
+    size_px: u32,
+    /// Number of its parts, small ones counting less.
+    weight: f32,
+}
+
+impl Component {
+    /// Whether it is likelier true than wrong, and of so many pixels at least.
+    pub(super) fn stands(&self, min_px: u32) -> bool {
+        self.nats >= 0.0 && self.size_px >= min_px
+    }
 }
 
 /// Components and places; kept from image to image.
@@ -63,67 +74,90 @@ pub(super) struct Verdict {
     costs: Vec<f32>,
     /// Pixel that holds each place of C2.
     owners: Vec<u32>,
+    contest: Contest,
+    /// Pixels of each part.
+    sizes_px: Vec<u32>,
+    offsets: Offsets,
+    /// Parts that continue each other, for each row.
+    pairs: Vec<Vec<[u32; 2]>>,
+    /// Points of each component, and those whose place another holds.
+    counts: Vec<[u32; 2]>,
+    rows: Pool<SegmentRow>,
+}
+
+/// The places of C2 that two surfaces claim.
+#[derive(Clone, Debug, Default)]
+struct Contest {
+    /// A second pixel in each place.
+    others: Vec<u32>,
+    /// Each pixel of such a place, and the pixel that holds it.
+    contested: Vec<[u32; 2]>,
+    /// The pixels that lose their place.
+    lost: Vec<u32>,
 }
 
 impl Verdict {
-    /// Forms components of the decided pixels, and computes their ratios.
+    /// Forms components of the decided pixels, and computes their ratios with the evidence of occupancy.
     pub(super) fn judge(&mut self, view: View<'_>, parts: &[Part], learned: &Learned, pixels: &Pixels<'_>) {
-        self.unite(view, parts, pixels);
-        let count = self.sets_of(parts.len());
-        let Self { component_of, components, odds_of, .. } = self;
-        odds_of.clear();
-        odds_of.extend(parts.iter().map(|part| part.odds));
-        components.clear();
-        components.resize(count, Component::default());
-        let mut sizes = vec![0_u32; parts.len()];
-        for owner in pixels.owner.iter().filter(|owner| **owner != NONE) {
-            sizes[*owner as usize] += 1;
-        }
-        let mut means = Vec::with_capacity(parts.len());
-        for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
-            let own = &mut components[component_of[i] as usize];
-            own.parts += 1;
-            own.size_px += sizes[i];
-            let (component, size_px, field_variance) = (component_of[i], sizes[i], part.field_variance);
-            means.extend(part.moments.map(|moments| PartMean { component, size_px, moments, field_variance }));
-        }
-        for (own, ratio) in components.iter_mut().zip(offsets::ratios(&means, count)) {
-            own.nats = ratio;
-        }
+        self.judge_means(view, parts, pixels);
         self.find_costs(view, parts, learned, pixels);
         self.find_places(view, pixels);
         self.count_free_places(view, pixels);
     }
 
+    /// Forms components of the decided pixels, and computes their ratios from the means of δ alone.
+    pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
+        self.unite(view, parts, pixels);
+        let count = self.sets_of(parts.len());
+        let Self { component_of, components, odds_of, sizes_px: sizes, offsets, .. } = self;
+        odds_of.clear();
+        odds_of.extend(parts.iter().map(|part| part.odds));
+        components.clear();
+        components.resize(count, Component::default());
+        sizes.clear();
+        sizes.resize(parts.len(), 0);
+        for owner in pixels.owner.iter().filter(|owner| **owner != NONE) {
+            sizes[*owner as usize] += 1;
+        }
+        offsets.parts.clear();
+        for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
+            let own = &mut components[component_of[i] as usize];
+            own.size_px += sizes[i];
+            own.weight += offsets::weight(sizes[i]);
+            let (component, size_px, field_variance) = (component_of[i], sizes[i], part.field_variance);
+            offsets.parts.extend(part.moments.map(|moments| PartMean { component, size_px, moments, field_variance }));
+        }
+        for (own, ratio) in components.iter_mut().zip(offsets.ratios(count)) {
+            own.nats = ratio;
+        }
+    }
+
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         let (width, phase) = (view.cam1.width, &view.cam1.phase);
         let (owner, order) = (&*pixels.owner, &pixels.chosen.order);
-        let pairs: Vec<Vec<[u32; 2]>> = (0..view.cam1.height)
-            .into_par_iter()
-            .map(|v| {
-                let mut pairs = Vec::new();
-                let mut last = [NONE; 2];
-                let row = v * width;
-                for pixel in row..row + width {
-                    let right = (pixel + 1 < row + width).then(|| pixel + 1);
-                    let below = (pixel + width < owner.len()).then(|| pixel + width);
-                    for other in [right, below].into_iter().flatten() {
-                        let pair = [owner[pixel], owner[other]];
-                        if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
-                            continue;
-                        }
-                        let absolute = |pixel: usize| (i32::from(order[pixel]) << 16) + i32::from(phase[pixel]);
-                        if (absolute(pixel) - absolute(other)).abs() <= MAX_STEP {
-                            pairs.push(pair);
-                            last = pair;
-                        }
+        self.pairs.resize_with(view.cam1.height, Vec::new);
+        self.pairs.par_iter_mut().enumerate().for_each(|(v, pairs)| {
+            pairs.clear();
+            let mut last = [NONE; 2];
+            let row = v * width;
+            for pixel in row..row + width {
+                let right = (pixel + 1 < row + width).then(|| pixel + 1);
+                let below = (pixel + width < owner.len()).then(|| pixel + width);
+                for other in [right, below].into_iter().flatten() {
+                    let pair = [owner[pixel], owner[other]];
+                    if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
+                        continue;
+                    }
+                    let absolute = |pixel: usize| (i32::from(order[pixel]) << 16) + i32::from(phase[pixel]);
+                    if (absolute(pixel) - absolute(other)).abs() <= MAX_STEP {
+                        pairs.push(pair);
+                        last = pair;
                     }
                 }
-                pairs
-            })
-            .collect();
+            }
+        });
         self.sets.reset(parts.iter().map(|_| 1));
-        for [a, b] in pairs.into_iter().flatten() {
+        for &[a, b] in self.pairs.iter().flatten() {
             self.sets.unite(a, b, 0);
         }
     }
@@ -154,13 +188,15 @@ impl Verdict {
         self.places.resize(pixels.owner.len(), NONE);
         let last = (view.cam2.phase.len() / columns.max(1)).saturating_sub(1) as f32;
         let rows = self.places.par_chunks_mut(width).enumerate();
-        rows.for_each_init(SegmentRow::default, |segments, (v, places)| {
+        let pool = &self.rows;
+        rows.for_each(|(v, places)| {
             let own = v * width..(v + 1) * width;
             let owners = &pixels.owner[own.clone()];
             places.fill(NONE);
             if owners.iter().all(|owner| *owner == NONE) {
                 return;
             }
+            let segments = &mut *pool.take();
             view.table.row(v, segments);
             for ((u, place), column_px) in places.iter_mut().enumerate().zip(&pixels.chosen.column_px[own]) {
                 if owners[u] != NONE {
@@ -174,8 +210,9 @@ impl Verdict {
     /// Adds the evidence of occupancy to the components.
     fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
         self.claim(view, pixels);
-        let Self { component_of, components, places, owners, .. } = self;
-        let mut counts = vec![[0_u32; 2]; components.len()];
+        let Self { component_of, components, places, owners, counts, .. } = self;
+        counts.clear();
+        counts.resize(components.len(), [0; 2]);
         for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
             let own = component_of[pixels.owner[pixel] as usize];
             let top = owners[place as usize] as usize;
@@ -183,9 +220,9 @@ impl Verdict {
             counts[own as usize][0] += 1;
             counts[own as usize][1] += u32::from(is_taken);
         }
-        for (own, [all, taken]) in components.iter_mut().zip(counts).filter(|(_, [all, _])| *all > 0) {
-            let free = (1.0 - taken as f32 / all as f32).max(MIN_FREE);
-            own.nats += own.parts as f32 * FREE_EXPONENT * ln(free);
+        for (own, [all, taken]) in components.iter_mut().zip(&*counts).filter(|(_, [all, _])| *all > 0) {
+            let free = (1.0 - *taken as f32 / *all as f32).max(MIN_FREE);
+            own.nats += own.weight * (LN_FREE + FREE_EXPONENT * ln(free)).min(0.0);
         }
     }
 
@@ -206,41 +243,41 @@ impl Verdict {
 
     /// Pixels whose place a better founded component holds. A surface that C2 sees claims all places around it; one that
     /// it does not see claims a few by chance.
-    pub(super) fn taken(&mut self, view: View<'_>, pixels: &Pixels<'_>) -> Vec<u32> {
+    pub(super) fn taken(&mut self, view: View<'_>, pixels: &Pixels<'_>) -> &[u32] {
         self.find_places(view, pixels);
         self.claim(view, pixels);
-        let Self { component_of, places, owners, .. } = &*self;
-        let component = |pixel: u32| component_of[pixels.owner[pixel as usize] as usize];
+        let Contest { mut others, mut contested, mut lost } = std::mem::take(&mut self.contest);
+        let Self { places, owners, .. } = &*self;
         let columns = view.cam2.width;
         // A second pixel of another surface in the same place.
-        let mut others = vec![NONE; owners.len()];
-        let mut contested = Vec::new();
+        others.clear();
+        others.resize(owners.len(), NONE);
+        contested.clear();
         for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
             if let Some(rival) = rival(view, pixels, owners, place as usize, pixel) {
                 contested.push([pixel as u32, rival]);
                 others[place as usize] = pixel as u32;
             }
         }
-        let density = |pixel: u32, own: u32| {
+        let density = |pixel: u32| {
             let place = places[pixel as usize] as usize;
             let mut count = 0_u32;
             for row in -CLAIM_REACH..=CLAIM_REACH {
                 for column in -CLAIM_REACH..=CLAIM_REACH {
                     let at = place as isize + row * columns as isize + column;
-                    let claims =
-                        |of: &[u32]| of.get(at as usize).is_some_and(|&claim| claim != NONE && component(claim) == own);
+                    let claims = |of: &[u32]| {
+                        let claim = of.get(at as usize).copied().unwrap_or(NONE);
+                        claim != NONE && !is_other(view, pixels, pixel as usize, claim as usize)
+                    };
                     count += u32::from(claims(owners) || claims(&others));
                 }
             }
             let all = (2 * CLAIM_REACH + 1) * (2 * CLAIM_REACH + 1);
-            FREE_EXPONENT * ln(count.max(1) as f32 / all as f32)
+            CLAIM_EXPONENT * ln(count.max(1) as f32 / all as f32)
         };
-        let founded = |pixel: u32| {
-            let part = pixels.owner[pixel as usize];
-            self.founded(pixel as usize, part, density(pixel, component_of[part as usize]))
-        };
-        let mut lost: Vec<u32> = Vec::new();
-        for [pixel, owner] in contested {
+        let founded = |pixel: u32| self.founded(pixel as usize, pixels.owner[pixel as usize], density(pixel));
+        lost.clear();
+        for &[pixel, owner] in &contested {
             // Of two surfaces that are founded alike, the nearer one hides the other from C2.
             let is_nearer = view.table.nearness_to_cam2(pixel as usize) > view.table.nearness_to_cam2(owner as usize);
             let nearer = if is_nearer { NEARER_NATS } else { -NEARER_NATS };
@@ -248,7 +285,8 @@ impl Verdict {
         }
         lost.sort_unstable();
         lost.dedup();
-        lost
+        self.contest = Contest { others, contested, lost };
+        &self.contest.lost
     }
 
     /// How well a point is founded, nats: the odds of its part, the odds that its surface stands, and what else speaks
@@ -262,11 +300,10 @@ impl Verdict {
         ln(self.of(owner).nats.max(1.0))
     }
 
-    /// Log odds of a point, nats: the odds of its part, the odds that its surface stands, less what its own δ speaks
-    /// against it.
-    pub(super) fn log_odds(&self, pixel: usize, owner: u32) -> f32 {
-        let [constant, component, part, own] = CONFIDENCE;
-        constant + component * self.standing(owner) + part * self.odds_of[owner as usize] - own * self.costs[pixel]
+    /// What speaks for and against the point of a pixel.
+    pub(super) fn grounds(&self, pixel: usize, owner: u32, continuing: u8) -> Grounds {
+        let (surface, odds_nats) = (self.standing(owner), self.odds_of[owner as usize]);
+        Grounds { surface, odds_nats, cost_nats: self.costs[pixel], continuing }
     }
 
     /// The component of a decided pixel.

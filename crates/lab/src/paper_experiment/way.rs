@@ -48,7 +48,7 @@ impl Way {
     pub fn resolution(self) -> Option<ResolutionMethod> {
         match self {
             Self::PaPaper => Some(ResolutionMethod::Paper),
-            Self::PaProduct => Some(ResolutionMethod::SemiGlobal),
+            Self::PaProduct => Some(ResolutionMethod::Moments),
             Self::Egc | Self::Cgc => None,
         }
     }

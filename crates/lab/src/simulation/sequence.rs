@@ -225,7 +225,10 @@ impl Simulation {
     }
 
     /// The segment table of the calibrated rig.
-    pub(crate) fn segment_table(&self) -> Result<SegmentTable, SegmentTableError> {
+    ///
+    /// # Errors
+    /// The rig has no epipolar frame, or no ray of C1 meets the volume.
+    pub fn segment_table(&self) -> Result<SegmentTable, SegmentTableError> {
         SegmentTable::build(&self.rig.calibrated, &self.rig.volume, &self.rig.columns)
     }
 

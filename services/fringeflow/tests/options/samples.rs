@@ -67,7 +67,7 @@ pub(crate) struct Inputs {
 }
 
 const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
-                          --motion 0.2 --two-directions --noise low";
+                          --motion 0.5 --two-directions --noise low";
 
 impl Inputs {
     pub(crate) fn new() -> Self {

@@ -6,10 +6,10 @@
 
 use rayon::prelude::*;
 
+use super::claims::{Claim, Claims};
 use super::image::Image;
+use super::places::{PlaceRow, Places};
 use super::region_delta::Division;
-use crate::correspondence::claims::{Claim, Claims};
-use crate::correspondence::places::{PlaceRow, Places};
 use crate::correspondence::segment::SegmentRow;
 
 /// Share of its places that a region may lose before it is rejected.

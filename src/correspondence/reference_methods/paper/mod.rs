@@ -3,7 +3,7 @@
 //!
 //! In: phase of C1 and C2, the segment table, statistics of δ. Out: for each pixel of C1 its correspondence, or why it
 //! has none. This is the scalar reference: plain loops, no state from image to image. It makes the paper's tables, and
-//! benches compare it with the semi-global resolution. The paper leaves the numbers of its steps open; ours are the
+//! benches compare it with the product's. The paper leaves the numbers of its steps open; ours are the
 //! constants below.
 //!
 //! ```text
@@ -28,23 +28,27 @@
 //! between 3·sd and 5·sd is decided by its neighbourhood alone: 3·sd keeps 99.73 % of normal errors, and edges err by
 //! more.
 
+mod claims;
 mod contradictions;
+mod explanation;
 mod image;
 mod monotony;
+mod places;
 mod region_delta;
+mod regions;
 mod votes;
 
 use fringeflow_base::outcome::Outcome;
 
 use crate::correspondence::candidates::DeltaGate;
 use crate::correspondence::chosen::ChosenCandidates;
-use crate::correspondence::explanation::explain_missing;
 use crate::correspondence::neighbourhood::TURN;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::search::find_candidates;
 use crate::correspondence::support::{Support, SupportRule};
 
 use contradictions::Precedence;
+use explanation::explain_missing;
 use image::Image;
 pub(in crate::correspondence) use image::Scene;
 use votes::{Directions, VoteRule};

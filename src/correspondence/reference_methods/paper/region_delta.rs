@@ -9,8 +9,8 @@
 use std::f64::consts::TAU;
 
 use super::image::Image;
+use super::regions::Regions;
 use crate::correspondence::neighbourhood::TURN;
-use crate::correspondence::regions::Regions;
 
 /// Change of δ over the width of the image, in sd, that exceeds any calibration error: three times the range ±3·sd that
 /// contains nearly all of it.

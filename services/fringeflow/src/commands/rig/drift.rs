@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     let input = Input::open(images, args.units)?;
     let mut configuration = read_configuration(args.config.as_deref(), &input)?;
     // The paper's resolution measures no drift.
-    configuration.settings.matching.method = ResolutionMethod::SemiGlobal;
+    configuration.settings.matching.method = ResolutionMethod::Moments;
     let cycles = input.cycles()?;
     let chosen = choose_windows(&input, &cycles, args, &configuration)?;
     let calibrated = args.calibrated_rig()?;

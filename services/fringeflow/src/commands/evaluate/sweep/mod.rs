@@ -32,7 +32,7 @@ const USUAL_SIZE_PX: [usize; 2] = RigOptions::usual(0.0).size_px;
 
 /// Names and options of the resolution methods that are compared.
 fn resolutions() -> [(&'static str, ProposedArgs); 2] {
-    [ResolutionMethod::SemiGlobal, ResolutionMethod::Paper]
+    [ResolutionMethod::Moments, ResolutionMethod::Paper]
         .map(|method| (method.name(), ProposedArgs::with_resolution(method)))
 }
 

@@ -1,28 +1,17 @@
-//! The search of one pixel of C1 along its segment and beyond: the scalar form of the kernels in
-//! [`super::semi_global`].
+//! The search of one pixel of C1 along its segment and beyond.
 
 use std::ops::ControlFlow;
 
-use super::drift::{DepthPolynomial, DepthRow};
-use super::epipolar_image::EpipolarImage;
-use super::row_view::RowView;
-use super::scene::Scene;
-use super::segment::{Segment, SegmentRow};
+use crate::correspondence::drift::DepthPolynomial;
+use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::row_view::RowView;
+use crate::correspondence::segment::Segment;
 
 /// Columns by which an interval is widened to cover rounding.
-pub(super) const COLUMN_MARGIN_PX: f32 = 0.02;
+const COLUMN_MARGIN_PX: f32 = 0.02;
 /// Rise of Φ over all columns below which they are searched as one interval, turns: a projector near C1 lights a ray
 /// with one phase.
-pub(super) const FLAT_TURNS: f32 = 2e-3;
-
-/// How far candidates are sought.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Reach {
-    /// Reach beyond the volume, pixels of the epipolar frame.
-    pub(super) beyond_px: f32,
-    /// Last column of the epipolar frame, pixels.
-    pub(super) last_column_px: f32,
-}
+const FLAT_TURNS: f32 = 2e-3;
 
 /// A pixel of C1 and the columns of C2 in which its candidates are sought.
 pub(super) struct PixelSearch<'a> {
@@ -35,29 +24,7 @@ pub(super) struct PixelSearch<'a> {
     pub(super) phase: u16,
 }
 
-impl Reach {
-    /// First and last column at which candidates of a segment are sought, pixels.
-    #[inline(always)]
-    pub(super) fn limits_px(&self, [begin_px, end_px]: [f32; 2]) -> [f32; 2] {
-        [(begin_px - self.beyond_px).max(0.0), (end_px + self.beyond_px).min(self.last_column_px)]
-    }
-}
-
 impl<'a> PixelSearch<'a> {
-    /// The search of the pixel in column `u` of row `v`. `segments` and `drift` are those of the row.
-    pub(super) fn new(
-        scene: &Scene<'a>,
-        reach: Reach,
-        segments: &SegmentRow,
-        drift: &DepthRow,
-        [u, v]: [usize; 2],
-    ) -> Self {
-        let segment = segments.segment(u);
-        let limits_px = reach.limits_px(segment.limits_px());
-        let phase = scene.view.cam1.phase[v * scene.view.cam1.width + u];
-        Self::within(scene.view.cam2, segment, drift.segment(u), phase, limits_px)
-    }
-
     /// The search of a pixel with this phase, within these columns.
     pub(super) fn within(
         cam2: &'a EpipolarImage,
@@ -108,19 +75,6 @@ impl<'a> PixelSearch<'a> {
         // Clamping moves the middle; the interval grows by as much, so that its other end stays where it was.
         let half_px = (reach_turns + (middle - middle.clamp(least, most)).abs()) * columns_per_turn + COLUMN_MARGIN_PX;
         Some([column_px - half_px, column_px + half_px])
-    }
-
-    /// The candidate of an order with the least |δ − drift| below `reach_turns`: δ − drift, turns, and column.
-    pub(super) fn nearest(&self, order: i32, reach_turns: f32) -> Option<(f32, f32)> {
-        let mut best: Option<(f32, f32)> = None;
-        self.crossings(self.columns_of(order, reach_turns)?, |column_px, _| {
-            let (found, rest) = self.order_and_residual(column_px);
-            let least = best.map_or(reach_turns, |(least, _)| least.abs());
-            if found == order && rest.abs() < least {
-                best = Some((rest, column_px));
-            }
-        });
-        best
     }
 
     /// Calls `visit` with the column and slope of every crossing in an interval of columns.

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 
 use fringeflow_base::outcome::Outcome;
 
-use super::candidates::phase_occurs;
-use super::pool::Pool;
-use super::row_view::RowView;
-use super::segment::SegmentRow;
-use super::view::View;
+use crate::correspondence::candidates::phase_occurs;
+use crate::correspondence::pool::Pool;
+use crate::correspondence::row_view::RowView;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::view::View;
 
 /// Gives every pixel without a correspondence its reason: no phase, no segment, the phase does not occur on the
 /// segment, or no candidate passes the test. `scratches` holds rows of segments.

@@ -7,8 +7,8 @@ use std::ops::Range;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::neighbourhood::{ABSENT, MAX_STEP};
-use super::runs::{Run, Runs, Union, divide_at_marks};
+use crate::correspondence::neighbourhood::{ABSENT, MAX_STEP};
+use crate::correspondence::runs::{Runs, Union, divide_at_marks};
 
 /// Division of the selected pixels into regions.
 #[derive(Clone, Debug, Default)]
@@ -40,26 +40,6 @@ impl Regions {
         size_px.clear();
         size_px.resize(regions, 0);
         runs.all.iter().for_each(|run| size_px[run.set as usize] += run.pixels().len() as u32);
-    }
-
-    /// Number of regions.
-    pub(super) fn count(&self) -> usize {
-        self.size_px.len()
-    }
-
-    /// The columns of a row from the first one of its runs to the last.
-    pub(super) fn columns_of_row(&self, v: usize, width: usize) -> Range<usize> {
-        match self.runs.row(v) {
-            [] => 0..0,
-            runs @ [first, ..] => first.pixels().start - v * width..runs[runs.len() - 1].pixels().end - v * width,
-        }
-    }
-
-    /// Sums a quantity of the runs over each region, into `sums`.
-    pub(super) fn sum(&self, sums: &mut Vec<u64>, quantity: impl Fn(&Run) -> u64) {
-        sums.clear();
-        sums.resize(self.count(), 0);
-        self.runs.all.iter().for_each(|run| sums[run.set as usize] += quantity(run));
     }
 }
 
@@ -175,7 +155,7 @@ mod tests {
                     run.pixels().for_each(|pixel| found[pixel] = Some(run.set as usize));
                 }
                 assert_eq!(found, wanted);
-                let size_px: Vec<u32> = (0..regions.count())
+                let size_px: Vec<u32> = (0..regions.size_px.len())
                     .map(|region| wanted.iter().filter(|label| **label == Some(region)).count() as u32)
                     .collect();
                 assert_eq!(regions.size_px, size_px);

@@ -1,11 +1,10 @@
-//! Order scores: how well every order in all of space fits a pixel of C1.
+//! The orders of a pixel of C1 in all of space, and δ of each.
 //!
 //! ```text
 //! for each order k of the pixel, 32 at once, all in one row of C2:
 //!     x = the column at which Φ − drift is k turns more than the phase φ of the pixel
 //!     v, g = phase of C2 at x less φ, and its slope, from the two columns around x
-//!     residual = v / g · dΦ/dx: how far δ of the crossing near x is off the drift
-//!     score = 1 − (residual / cap)², if positive
+//!     δ − drift = −v / g · dΦ/dx, of the crossing near x
 //! ```
 
 use fringeflow_simd::{LANES, Lanes, first_lanes};
@@ -15,8 +14,6 @@ use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::kernels::{MAX_COLUMN_STEP, interpolate_rows};
 use crate::correspondence::segment::Segment;
 use crate::correspondence::segment_table::SegmentTable;
-
-use super::FULL_SCORE;
 
 /// Farthest and nearest inverse depth searched, relative to the middle of the volume: from nearly infinity to close to
 /// the cameras.
@@ -29,33 +26,27 @@ const MIN_DENOMINATOR: f32 = 0.1;
 const MIN_SLOPE_SHARE: f32 = 0.3;
 /// Least rise of Φ, turns per column, that separates orders.
 const MIN_RISE: f32 = 1e-5;
-/// Score of a pixel for an order whose point lies outside the image of C2. Summed over a node that leads there, it
-/// exceeds the score of a wrong order that fits here and there.
-pub(super) const UNSEEN_SCORE: i16 = FULL_SCORE / 2;
-/// Share of the score that an order loses where the limits are far wider than within the volume: more orders fit there
-/// by chance.
-const LOST_BEYOND: f32 = 0.25;
 /// Largest order.
-pub(in crate::correspondence) const MAX_ORDER: f32 = 8000.0;
+pub(super) const MAX_ORDER: f32 = 8000.0;
 
 /// The columns of C2 in which a pixel of C1 sees all of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::correspondence) struct SearchSpace {
+pub(super) struct SearchSpace {
     infinity_px: [f32; 3],
     last_px: f32,
     /// Mean half length of a segment, pixels.
-    pub(in crate::correspondence) half_px: f32,
+    pub(super) half_px: f32,
 }
 
 impl SearchSpace {
-    pub(in crate::correspondence) fn from_table(table: &SegmentTable) -> Self {
+    pub(super) fn from_table(table: &SegmentTable) -> Self {
         let half_px = table.drift_modes().map_or(1.0, |modes| modes.half_segment_px() as f32);
         Self { infinity_px: table.infinity_px, last_px: (table.epipolar_size_px()[0] - 1) as f32, half_px }
     }
 
     /// First and last column for a pixel in a column and row of C1.
     #[inline]
-    pub(in crate::correspondence) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
+    pub(super) fn limits_px(&self, segment: &Segment, [u, v]: [usize; 2]) -> [f32; 2] {
         let [constant, along, across] = self.infinity_px;
         let infinity_px = constant + along * u as f32 + across * v as f32;
         let disparity_px = segment.reference_px - infinity_px;
@@ -66,41 +57,28 @@ impl SearchSpace {
     }
 }
 
-/// Largest |δ − drift| at which an order fits.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(in crate::correspondence) struct Gate {
-    /// Within the volume, turns.
-    pub(in crate::correspondence) cap_turns: f32,
-    /// Increase per half segment beyond it, where the drift is less certain.
-    pub(in crate::correspondence) beyond_turns: f32,
-    /// Upper bound, turns.
-    pub(in crate::correspondence) most_turns: f32,
-}
-
 /// A pixel of C1, with the inputs of its scores.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::correspondence) struct OrderScorer {
-    pub(in crate::correspondence) segment: Segment,
-    pub(in crate::correspondence) drift: DepthPolynomial,
-    pub(in crate::correspondence) phase: u16,
+pub(super) struct PixelOrders {
+    pub(super) segment: Segment,
+    pub(super) drift: DepthPolynomial,
+    pub(super) phase: u16,
     /// First and last column searched.
-    pub(in crate::correspondence) limits_px: [f32; 2],
-    pub(in crate::correspondence) gate: Gate,
-    pub(in crate::correspondence) half_px: f32,
+    pub(super) limits_px: [f32; 2],
 }
 
 /// The possible orders of a pixel, and the range of Φ that holds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::correspondence) struct Orders {
-    pub(in crate::correspondence) first: i32,
-    pub(in crate::correspondence) last: i32,
-    pub(in crate::correspondence) phase_turns: [f32; 2],
+pub(super) struct Orders {
+    pub(super) first: i32,
+    pub(super) last: i32,
+    pub(super) phase_turns: [f32; 2],
 }
 
-impl OrderScorer {
+impl PixelOrders {
     /// The possible orders. `None` where Φ does not separate orders.
     #[inline]
-    pub(in crate::correspondence) fn orders(&self) -> Option<Orders> {
+    pub(super) fn orders(&self) -> Option<Orders> {
         let [a, b, d] = self.segment.phase;
         let rise = b - a * d;
         let [mut begin, mut end] = self.limits_px.map(|px| px - self.segment.reference_px);
@@ -124,77 +102,27 @@ impl OrderScorer {
     }
 }
 
-/// Scores of [`LANES`] orders of a pixel from `first` on; 0 for orders that it does not have.
-#[inline(always)]
-pub(super) fn order_scores<L: Lanes>(
-    lanes: L,
-    image: &EpipolarImage,
-    scorer: &OrderScorer,
-    orders: &Orders,
-    first: i32,
-) -> L::Words {
-    let (segment, [a, b, d]) = (&scorer.segment, scorer.segment.phase);
-    let rise = b - a * d;
-    let float = |value: f32| lanes.float(value);
-    let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
-    let phase_turns = f32::from(scorer.phase) / 65536.0;
-    let [least, most] = orders.phase_turns;
-    let clamp = |turns: L::Floats| lanes.min_float(lanes.max_float(turns, float(least)), float(most));
-    let turns = clamp(lanes.add_float(ramp, float(first as f32 + phase_turns)));
-    let inverse = lanes.over(float(1.0), lanes.sub_float(float(b), lanes.times_float(float(d), turns)));
-    let along = lanes.times_float(lanes.sub_float(turns, float(a)), inverse);
-    // Columns per turn.
-    let per_turn = lanes.times_float(lanes.times_float(float(rise), inverse), inverse);
-    let column = lanes.add_float(along, float(segment.reference_px));
-    let drift = DepthBlock::splat(lanes, &scorer.drift).at(lanes, column);
-    let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
-    let last_px = (image.width - 2) as f32;
-    let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, float(0.0)), lanes.reaches(float(last_px), column)));
-    let column = lanes.min_float(lanes.max_float(column, float(0.0)), float(last_px));
-    let around = columns_around(lanes, image, segment.row_px, scorer.phase, column);
-    let rest = residual_turns(lanes, &around, per_turn);
-    // Beyond the volume the drift is less certain.
-    let Gate { cap_turns, beyond_turns, most_turns } = scorer.gate;
-    let away = lanes.abs_float(lanes.sub_float(column, float(segment.reference_px)));
-    let away = lanes.sub_float(lanes.times_float(away, float(1.0 / scorer.half_px)), float(1.0));
-    let away = lanes.max_float(away, float(0.0));
-    let cap = lanes.add_float(float(cap_turns), lanes.times_float(away, float(beyond_turns)));
-    let cap = lanes.min_float(cap, float(most_turns));
-    let t = lanes.min_amount(lanes.over(rest, cap), float(1.0));
-    let score = lanes.sub_float(float(1.0), lanes.times_float(t, t));
-    let wider = lanes.sub_float(float(1.0), lanes.over(float(cap_turns), cap));
-    let full = lanes.sub_float(float(1.0), lanes.times_float(wider, float(LOST_BEYOND)));
-    let score = lanes.times_float(score, lanes.times_float(full, float(f32::from(FULL_SCORE))));
-    let score = lanes.longs(lanes.add_float(score, float(0.5)));
-    let score = lanes.narrow(score);
-    let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
-    let own = lanes.mask(first_lanes(count as usize));
-    let score = lanes.select(lanes.and(is_seen, around.known), score, lanes.word(0));
-    let score = lanes.select(is_seen, score, lanes.word(UNSEEN_SCORE));
-    lanes.select(own, score, lanes.word(0))
-}
-
 /// δ less the drift of [`LANES`] orders of a pixel.
-pub(in crate::correspondence) struct RestsOfOrders<L: Lanes> {
+pub(super) struct RestsOfOrders<L: Lanes> {
     /// Turns.
-    pub(in crate::correspondence) rest_turns: L::Floats,
+    pub(super) rest_turns: L::Floats,
     /// The orders that the pixel has, and whose place C2 sees.
-    pub(in crate::correspondence) known: L::Mask,
+    pub(super) known: L::Mask,
 }
 
 /// δ less the drift of [`LANES`] orders of a pixel from `first` on.
 #[inline(always)]
-pub(in crate::correspondence) fn rests_of_orders<L: Lanes>(
+pub(super) fn rests_of_orders<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
-    scorer: &OrderScorer,
+    pixel: &PixelOrders,
     orders: &Orders,
     first: i32,
 ) -> RestsOfOrders<L> {
-    let (segment, [a, b, d]) = (&scorer.segment, scorer.segment.phase);
+    let (segment, [a, b, d]) = (&pixel.segment, pixel.segment.phase);
     let rise = b - a * d;
     let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
-    let phase_turns = f32::from(scorer.phase) / 65536.0;
+    let phase_turns = f32::from(pixel.phase) / 65536.0;
     let turns = lanes.add_float(ramp, lanes.float(first as f32 + phase_turns));
     let [least, most] = orders.phase_turns;
     let turns = lanes.min_float(lanes.max_float(turns, lanes.float(least)), lanes.float(most));
@@ -203,16 +131,16 @@ pub(in crate::correspondence) fn rests_of_orders<L: Lanes>(
     let along = lanes.times_float(lanes.sub_float(turns, lanes.float(a)), inverse);
     let per_turn = lanes.times_float(lanes.times_float(inverse, inverse), lanes.float(rise));
     let column = lanes.add_float(along, lanes.float(segment.reference_px));
-    let drift = DepthBlock::splat(lanes, &scorer.drift).at(lanes, column);
+    let drift = DepthBlock::splat(lanes, &pixel.drift).at(lanes, column);
     let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
     let last_px = lanes.float((image.width - 2) as f32);
     let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, lanes.float(0.0)), lanes.reaches(last_px, column)));
     let column = lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px);
-    let around = columns_around(lanes, image, segment.row_px, scorer.phase, column);
+    let around = columns_around(lanes, image, segment.row_px, pixel.phase, column);
     let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
     let own = lanes.mask(first_lanes(count as usize));
     let known = lanes.and(own, lanes.and(is_seen, around.known));
-    RestsOfOrders { rest_turns: signed_residual_turns(lanes, &around, per_turn), known }
+    RestsOfOrders { rest_turns: residual_turns(lanes, &around, per_turn), known }
 }
 
 const RAMP: [i16; LANES] = {
@@ -226,36 +154,19 @@ const RAMP: [i16; LANES] = {
 };
 
 /// The phase of C2 in the two columns around a place.
-pub(in crate::correspondence) struct Around<L: Lanes> {
+pub(super) struct Around<L: Lanes> {
     /// Phase in the column before it less that of the pixel, and the step to the column behind it.
-    pub(in crate::correspondence) value: L::Words,
-    pub(in crate::correspondence) slope: L::Words,
+    pub(super) value: L::Words,
+    pub(super) slope: L::Words,
     /// Distance of the place from the first column, pixels.
-    pub(in crate::correspondence) share: L::Floats,
+    pub(super) share: L::Floats,
     /// Whether both columns have a phase, on one surface.
-    pub(in crate::correspondence) known: L::Mask,
+    pub(super) known: L::Mask,
 }
 
-/// How far δ of the crossing near the places is off the drift, turns. `per_turn` is the columns per turn of Φ.
+/// δ less the drift of the crossing near the places, turns. `per_turn` is the columns per turn of Φ.
 #[inline(always)]
-pub(in crate::correspondence) fn residual_turns<L: Lanes>(
-    lanes: L,
-    around: &Around<L>,
-    per_turn: L::Floats,
-) -> L::Floats {
-    let slope = lanes.floats(lanes.widen(around.slope));
-    let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
-    let steepness = lanes.abs_float(lanes.times_float(slope, per_turn));
-    lanes.over(off, lanes.max_float(steepness, lanes.float(MIN_SLOPE_SHARE * 65536.0)))
-}
-
-/// As [`residual_turns`], with the sign of δ.
-#[inline(always)]
-pub(in crate::correspondence) fn signed_residual_turns<L: Lanes>(
-    lanes: L,
-    around: &Around<L>,
-    per_turn: L::Floats,
-) -> L::Floats {
+pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
     let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
     // Beyond C1, the projector sees a nearer point move against the way in which C2 sees it move.
@@ -281,7 +192,7 @@ fn columns_around<L: Lanes>(lanes: L, image: &EpipolarImage, row_px: f32, phase:
 
 /// The phase of C2 around one column for each of many pixels.
 #[inline(always)]
-pub(in crate::correspondence) fn columns_around_each<L: Lanes>(
+pub(super) fn columns_around_each<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
     row_px: L::Floats,

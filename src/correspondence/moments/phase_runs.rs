@@ -22,7 +22,7 @@ use crate::phase::PhaseMap;
 
 /// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends if both sides of a step bend so. Beside
 /// a single spoilt pixel, one side alone bends.
-pub(in crate::correspondence) const MAX_BEND: u16 = 2200;
+pub(super) const MAX_BEND: u16 = 2200;
 /// Greatest step from row to row at which runs are united, turns · 65536.
 const MAX_ROW_STEP: u16 = 9000;
 /// Fewest pixels that unite two runs.
@@ -30,17 +30,17 @@ const MIN_SHARED_PX: u32 = 3;
 
 /// The runs of an image; the set of each is its surface.
 #[derive(Clone, Debug, Default)]
-pub(in crate::correspondence) struct PhaseRuns {
-    pub(in crate::correspondence) runs: Runs<RowScratch>,
+pub(super) struct PhaseRuns {
+    pub(super) runs: Runs<RowScratch>,
     /// Fringe order of each pixel relative to that of the first pixel of its run.
-    pub(in crate::correspondence) relative: Vec<i16>,
+    pub(super) relative: Vec<i16>,
     /// Number of surfaces.
-    pub(in crate::correspondence) surfaces: usize,
+    pub(super) surfaces: usize,
 }
 
 /// Scratch for a row of pixels.
 #[derive(Clone, Debug, Default)]
-pub(in crate::correspondence) struct RowScratch {
+pub(super) struct RowScratch {
     /// Whether a pixel has a phase and a segment: 1 or 0.
     usable: Vec<u8>,
     /// Rise of the phase to each pixel from the one before.
@@ -53,7 +53,7 @@ pub(in crate::correspondence) struct RowScratch {
 
 impl PhaseRuns {
     /// Finds the runs of the pixels with a segment, and unites them.
-    pub(in crate::correspondence) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, max_bend: u16) {
+    pub(super) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, max_bend: u16) {
         let (width, height) = (cam1.width.max(1), cam1.height);
         let Self { runs, relative, surfaces } = self;
         relative.resize(cam1.phase.len(), 0);
@@ -70,13 +70,6 @@ impl PhaseRuns {
                 unions.extend(order_step.map(|order_step| Union { runs, order_step }));
             }
         });
-    }
-
-    /// Whether the phase continues to a pixel of row `v` from the pixel to the left.
-    pub(super) fn continues_to(&self, v: usize, pixel: usize) -> bool {
-        let runs = self.runs.row(v);
-        let behind = runs.partition_point(|run| run.pixels().start < pixel);
-        behind.checked_sub(1).is_some_and(|place| pixel < runs[place].pixels().end)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Claims on places of C2: one place serves one fringe order (paper, 2.2.3).
 
-use super::neighbourhood::TURN;
+use crate::correspondence::neighbourhood::TURN;
 
 /// Absolute phases in one place of C2 that differ by more than this are different orders.
 const SAME_ORDER: i32 = TURN / 2;

@@ -2,8 +2,8 @@
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::segment::SegmentRow;
-use super::segment_table::SegmentTable;
+use crate::correspondence::segment::SegmentRow;
+use crate::correspondence::segment_table::SegmentTable;
 
 /// One entry per pixel of C1, row by row.
 #[derive(Clone, Debug, Default)]
