@@ -12,7 +12,7 @@ const MAX_FALSE_CANDIDATES: f64 = 3.0;
 const MAX_SD_RAD: f64 = 0.45;
 const MANY_FALSE_CANDIDATES: f64 = 1.0;
 /// Least share of the pixels that must agree with the rest where sd is suspicious: wrong orders seldom agree.
-pub(super) const MIN_AGREEING_SHARE: f64 = 0.25;
+const MIN_AGREEING_SHARE: f64 = 0.25;
 
 /// Why two phase maps cannot be matched.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -75,10 +75,7 @@ pub enum MatchError {
 }
 
 /// Refuses images whose δ scatters widely, but far less with the images exchanged. `exchanged` measures the latter.
-pub(super) fn check_order(
-    delta: &DeltaStatistics,
-    exchanged: impl FnOnce() -> Option<DeltaStatistics>,
-) -> Result<(), MatchError> {
+fn check_order(delta: &DeltaStatistics, exchanged: impl FnOnce() -> Option<DeltaStatistics>) -> Result<(), MatchError> {
     let sd_rad = delta.sd_rad;
     let other = if delta.is_suspicious() { exchanged() } else { None };
     match other {
@@ -104,15 +101,14 @@ fn refuse_if(is_meaningless: bool, delta: &DeltaStatistics) -> Result<(), MatchE
     if is_meaningless { Err(MatchError::NoAgreement { sd_rad, mean_periods, efc }) } else { Ok(()) }
 }
 
-/// Refuses a result where few of the `pixels` with candidates have `found` a correspondence, if the measured δ is
-/// `doubtful`.
+/// Refuses a result without a point, or, if the measured δ is `doubtful`, one with which a small share of the pixels
+/// agrees. `found` of `pixels` have a correspondence, and δ scatters by `sd_rad`.
 pub(super) fn check_share(
-    delta: &DeltaStatistics,
-    doubtful: bool,
+    sd_rad: f64,
+    (doubtful, share): (bool, f64),
     found: usize,
     pixels: usize,
 ) -> Result<(), MatchError> {
-    let sd_rad = delta.sd_rad;
-    let few = found == 0 || (doubtful && (found as f64) < MIN_AGREEING_SHARE * pixels as f64);
+    let few = found == 0 || (doubtful && share < MIN_AGREEING_SHARE);
     if few { Err(MatchError::FewAgree { found, pixels, sd_rad }) } else { Ok(()) }
 }

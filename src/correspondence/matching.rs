@@ -7,7 +7,7 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::phase::PhaseMap;
 
-use super::agreement::{MIN_AGREEING_SHARE, MatchError, check_scatter, check_share};
+use super::agreement::{MatchError, check_scatter, check_share};
 use super::candidates::Candidate;
 use super::chosen::ChosenCandidates;
 use super::delta_histogram::HistogramScratch;
@@ -111,8 +111,7 @@ pub struct Matcher {
 
 impl Matcher {
     /// As the function [`match_phases`], into the memory of earlier matches. Earlier matches have no influence on the
-    /// result. A known drift does: if the images confirm it, the drift is found sooner. After an error `out` has no
-    /// meaning.
+    /// result. A known drift does where the images alone show none. After an error `out` has no meaning.
     ///
     /// # Errors
     /// As [`match_phases`].
@@ -212,12 +211,8 @@ impl Matching<'_> {
         let scattered_rad = learned.field.residual_sd_rad;
         let field = scratch.resolve(self.view, learned, &limits, &mut decisions);
         let sums = out.sums();
-        let explains_few = is_doubtful && field.share < MIN_AGREEING_SHARE;
-        if sums.found == 0 || explains_few {
-            let invalid = OutcomeCounts::from_outcomes(&out.outcomes).get(Outcome::Invalid) as usize;
-            let pixels = out.outcomes.len() - invalid;
-            return Err(MatchError::FewAgree { found: sums.found, pixels, sd_rad: scattered_rad });
-        }
+        let invalid = OutcomeCounts::from_outcomes(&out.outcomes).get(Outcome::Invalid) as usize;
+        check_share(scattered_rad, (is_doubtful, field.share), sums.found, out.outcomes.len() - invalid)?;
         out.chosen_delta_rad = sums.delta.mean_and_sd_rad();
         out.delta = delta;
         out.drift = Some(field);
@@ -241,7 +236,9 @@ impl Matching<'_> {
             self.check_scatter(&delta)?;
             sums = self.resolve_by_paper(&delta, out);
         }
-        check_share(&delta, self.is_measured() && delta.is_suspicious(), sums.found, sums.with_candidates)?;
+        let doubtful = self.is_measured() && delta.is_suspicious();
+        let share = sums.found as f64 / sums.with_candidates as f64;
+        check_share(delta.sd_rad, (doubtful, share), sums.found, sums.with_candidates)?;
         out.confidence.clear();
         out.confidence.resize(out.outcomes.len(), Confidence::NONE);
         out.delta = delta;

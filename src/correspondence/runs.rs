@@ -7,8 +7,8 @@
 //! then, in one thread:             unite the pairs in disjoint sets, in the order of the rows; number the sets
 //! ```
 //!
-//! The result does not depend on the number of threads. [`super::regions`] and [`super::surfaces`] say which pixels
-//! belong together.
+//! The result does not depend on the number of threads. The surfaces of [`super::moments`] and the regions of the
+//! paper's method say which pixels belong together.
 
 use std::ops::Range;
 

@@ -67,7 +67,6 @@ impl Lanes for Arrays {
         fn words_of_le(self, words: &[[u8; 2]; LANES]) -> Words { map(*words, i16::from_le_bytes) }
         fn add(self, a: Words, b: Words) -> Words { zip(a, b, i16::wrapping_add) }
         fn sub(self, a: Words, b: Words) -> Words { zip(a, b, i16::wrapping_sub) }
-        fn sub_saturating(self, a: Words, b: Words) -> Words { zip(a, b, i16::saturating_sub) }
         fn abs(self, a: Words) -> Words { map(a, i16::wrapping_abs) }
         fn max_unsigned(self, a: Words, b: Words) -> Words { zip(a, b, |a, b| (a as u16).max(b as u16) as i16) }
         fn min_unsigned(self, a: Words, b: Words) -> Words { zip(a, b, |a, b| (a as u16).min(b as u16) as i16) }
@@ -318,8 +317,6 @@ impl Lanes for Arrays {
         out
     }
 
-    #[inline(always)]
-    fn prefetch<T>(self, _: &[T]) {}
     #[inline(always)]
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
         let mut bytes = [0; LANES / 4];

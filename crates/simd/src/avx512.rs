@@ -101,7 +101,6 @@ impl Lanes for Avx512 {
         fn load_signed(self, words: &[i16; LANES]) -> __m512i { unsafe { _mm512_loadu_si512(words.as_ptr().cast()) } }
         fn add(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_add_epi16(a, b) } }
         fn sub(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_sub_epi16(a, b) } }
-        fn sub_saturating(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_subs_epi16(a, b) } }
         fn abs(self, a: __m512i) -> __m512i { unsafe { amounts(a) } }
         fn max_unsigned(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_max_epu16(a, b) } }
         fn min_unsigned(self, a: __m512i, b: __m512i) -> __m512i { unsafe { _mm512_min_epu16(a, b) } }
@@ -484,10 +483,6 @@ impl Lanes for Avx512 {
         unsafe { _pdep_u32(u32::from(a), OF_REGISTERS[0]) | _pdep_u32(u32::from(b), OF_REGISTERS[1]) }
     }
 
-    #[inline(always)]
-    fn prefetch<T>(self, soon: &[T]) {
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(soon.as_ptr().cast()) }
-    }
     #[inline(always)]
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
         unsafe { _mm_cvtsi128_si64(_mm_cvtepi16_epi8(_mm_loadu_si128(words.as_ptr().cast()))) as u64 }

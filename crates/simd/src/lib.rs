@@ -136,8 +136,6 @@ pub trait Lanes: Copy {
     fn add(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// a − b, wrapping.
     fn sub(self, a: Self::Words, b: Self::Words) -> Self::Words;
-    /// a − b of signed words, saturating.
-    fn sub_saturating(self, a: Self::Words, b: Self::Words) -> Self::Words;
     /// |a| of signed words.
     fn abs(self, a: Self::Words) -> Self::Words;
     /// The larger of unsigned words.
@@ -332,8 +330,6 @@ pub trait Lanes: Copy {
     /// The mask of longs as one of words.
     fn mask_of(self, truths: Self::Truths) -> Self::Mask;
 
-    /// Prefetches memory that will be read soon.
-    fn prefetch<T>(self, soon: &[T]);
     /// Words below 256 as bytes, the first one lowest.
     fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
     /// The smallest of unsigned words, in all elements.

@@ -107,8 +107,7 @@ fn adopt_row(
             if step.abs() > MAX_STEP {
                 continue;
             }
-            let absolute = (i32::from(pixels.chosen.order[other]) << 16) + i32::from(view.cam1.phase[other]) + step;
-            let order = absolute >> 16;
+            let order = (pixels.absolute(view, other) + step) >> 16;
             if tried[..count].iter().all(|(tried, _)| *tried != order) {
                 tried[count] = (order, pixels.owner[other]);
                 count += 1;

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
 use super::evidence::Evidence;
-use super::nodes::{NOTHING, Node, Nodes};
+use super::nodes::{Node, Nodes};
 use super::phase_runs::PhaseRuns;
 use crate::correspondence::drift::{Drift, FieldTerms};
 use crate::correspondence::segment_table::SegmentTable;
@@ -122,7 +122,6 @@ struct Observation {
 /// Scratch memory of the fit.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fitting {
-    clear: Vec<u32>,
     seen: Vec<Observation>,
     rests: Vec<f64>,
 }
@@ -137,10 +136,10 @@ impl Fitting {
         runs: &PhaseRuns,
         nodes: &Nodes,
         evidence: &Evidence,
-        is_clear: impl Fn(usize) -> bool,
+        clear: &[u32],
     ) -> Option<(Drift, Uncertainty)> {
         let mut solution = Coefficients::from(*present.coefficients());
-        self.observe(view, &solution, runs, nodes, evidence, is_clear);
+        self.observe(view, &solution, runs, nodes, evidence, clear);
         let Self { seen, rests, .. } = self;
         if seen.len() < MIN_NODES {
             return None;
@@ -185,13 +184,10 @@ impl Fitting {
         runs: &PhaseRuns,
         nodes: &Nodes,
         evidence: &Evidence,
-        is_clear: impl Fn(usize) -> bool,
+        clear: &[u32],
     ) {
-        let Self { clear, seen, rests } = self;
-        clear.clear();
+        let seen = &mut self.seen;
         seen.clear();
-        let all = nodes.nodes.iter().enumerate();
-        clear.extend(all.filter(|(i, node)| node.label != NOTHING && is_clear(*i)).map(|(i, _)| i as u32));
         let count = clear.len().min(MAX_NODES);
         for i in 0..count {
             let number = clear[i * clear.len() / count] as usize;
@@ -205,7 +201,6 @@ impl Fitting {
                 seen.push(Observation { terms, delta_turns, weight });
             }
         }
-        rests.reserve(seen.len());
     }
 }
 

@@ -9,7 +9,7 @@ use super::Scratch;
 use super::evidence::Evidence;
 use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths};
-use super::nodes::Nodes;
+use super::nodes::{Node, Nodes};
 use super::noise::Noise;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
@@ -96,25 +96,32 @@ impl Scratch {
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
             self.ask(view, 0, &learned, &[]);
-            let Self { runs, nodes, evidence, fitting, values, .. } = self;
-            let is_clear = |i: usize| {
-                let node = &nodes.nodes[i];
-                let fit = evidence.fit(i, node.label);
-                node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
-            };
+            self.list_clear();
+            let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
             let start = (&learned.field, attempt.prior_px);
-            if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, is_clear) {
+            if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
                 (learned.field, learned.uncertainty) = found;
             }
-            learned.noise = learned.noise.learn(view, nodes, evidence, is_clear, values);
+            learned.noise = learned.noise.learn(view, nodes, evidence, clear, values);
             learned.widths.wrong_slopes =
-                wrong_slopes(nodes, evidence, is_clear, values).unwrap_or(learned.widths.wrong_slopes);
-            let [mean, along, across] = true_widths(nodes, evidence, is_clear, values).unwrap_or(USUAL_WIDTHS);
+                wrong_slopes(nodes, evidence, clear, values).unwrap_or(learned.widths.wrong_slopes);
+            let [mean, along, across] = true_widths(nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
             (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
             learned.cap = CAP;
         }
         learned.nats = self.nats();
         learned
+    }
+
+    /// Lists the nodes from which field, noise and widths are learned.
+    fn list_clear(&mut self) {
+        let Self { nodes, evidence, clear, .. } = self;
+        let is_clear = |i: usize, node: &Node| {
+            let fit = evidence.fit(i, node.label);
+            node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
+        };
+        clear.clear();
+        clear.extend((0_u32..).zip(&nodes.nodes).filter(|(i, node)| is_clear(*i as usize, node)).map(|(i, _)| i));
     }
 
     /// Mean log likelihood ratio of a pixel by its node at its order, nats.
@@ -171,31 +178,20 @@ impl Learned {
 }
 
 /// The widths of slopes of wrong orders: of the labels of clear nodes other than the decided one.
-fn wrong_slopes(
-    nodes: &Nodes,
-    evidence: &Evidence,
-    is_clear: impl Fn(usize) -> bool,
-    values: &mut Values,
-) -> Option<[f32; 2]> {
+fn wrong_slopes(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 2]> {
     values.clear();
-    for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i)) {
-        let wrong = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
+    for i in clear.iter().map(|&i| i as usize) {
+        let wrong = evidence.fits_of(i).iter().filter(|fit| fit.label != nodes.nodes[i].label);
         values.extend(wrong.map(|fit| [0.0, fit.moments.slopes[0].abs(), fit.moments.slopes[1].abs()]));
     }
     widths(values).map(|[_, along, across]| [along, across])
 }
 
 /// The widths of mean and slopes of true orders: of the decided labels of clear nodes.
-fn true_widths(
-    nodes: &Nodes,
-    evidence: &Evidence,
-    is_clear: impl Fn(usize) -> bool,
-    values: &mut Values,
-) -> Option<[f32; 3]> {
+fn true_widths(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 3]> {
     values.clear();
-    let clear = nodes.nodes.iter().enumerate().filter(|(i, _)| is_clear(*i));
-    values.extend(clear.filter_map(|(i, node)| {
-        let Moments { mean, slopes: [along, across], .. } = evidence.fit(i, node.label)?.moments;
+    values.extend(clear.iter().map(|&i| i as usize).filter_map(|i| {
+        let Moments { mean, slopes: [along, across], .. } = evidence.fit(i, nodes.nodes[i].label)?.moments;
         Some([mean.abs(), along.abs(), across.abs()])
     }));
     widths(values).map(|widths| widths.map(|width| width.clamp(TRUE_WIDTHS[0], TRUE_WIDTHS[1])))

@@ -130,6 +130,19 @@ struct Pixels<'a> {
     rest: &'a mut Vec<i16>,
 }
 
+impl Pixels<'_> {
+    /// Absolute phase of a decided pixel, turns · 65536.
+    #[inline]
+    fn absolute(&self, view: View<'_>, pixel: usize) -> i32 {
+        (i32::from(self.chosen.order[pixel]) << 16) + i32::from(view.cam1.phase[pixel])
+    }
+
+    /// Takes a decision back.
+    fn open(&mut self, pixel: usize) {
+        (self.owner[pixel], self.state[pixel]) = (NONE, OPEN);
+    }
+}
+
 /// The planes that only the resolution needs.
 #[derive(Clone, Debug, Default)]
 struct Planes {
@@ -161,6 +174,8 @@ pub(super) struct Scratch {
     of_surface: Vec<u32>,
     evidence: Evidence,
     messages: Messages,
+    /// Nodes whose order is clear.
+    clear: Vec<u32>,
     fitting: Fitting,
     values: Values,
     sets: DisjointSets,
@@ -333,15 +348,13 @@ impl Scratch {
             }
             if !self.verdict.of(owner).stands(min_region_px) {
                 outcomes[pixel] = Outcome::Ambiguous;
-                pixels.owner[pixel] = NONE;
-                pixels.state[pixel] = OPEN;
+                pixels.open(pixel);
             }
         }
         for &pixel in self.verdict.taken(view, pixels) {
             let pixel = pixel as usize;
             outcomes[pixel] = Outcome::Contradicted;
-            pixels.owner[pixel] = NONE;
-            pixels.state[pixel] = OPEN;
+            pixels.open(pixel);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::evidence::Evidence;
 use super::learned::Values;
-use super::nodes::{NOTHING, Nodes};
+use super::nodes::Nodes;
 use crate::correspondence::view::View;
 
 /// Variance of a pixel before anything is known, rad².
@@ -38,18 +38,19 @@ impl Noise {
         self.a + self.b / (modulation * modulation)
     }
 
-    /// The noise about the planes of decided nodes: a line through the medians of bins of 1/B². Keeps the present one if
+    /// The noise about the planes of clear nodes: a line through the medians of bins of 1/B². Keeps the present one if
     /// there are too few.
     pub(super) fn learn(
         &self,
         view: View<'_>,
         nodes: &Nodes,
         evidence: &Evidence,
-        is_clear: impl Fn(usize) -> bool,
+        clear: &[u32],
         seen: &mut Values,
     ) -> Self {
         seen.clear();
-        for (i, node) in nodes.nodes.iter().enumerate().filter(|(i, node)| node.label != NOTHING && is_clear(*i)) {
+        for i in clear.iter().map(|&i| i as usize) {
+            let node = &nodes.nodes[i];
             let Some(fit) = evidence.fit(i, node.label).filter(|fit| fit.moments.count >= 12.0) else { continue };
             let [u, v] = nodes.middle_of(node).middle();
             let pixel = v * view.cam1.width + u;

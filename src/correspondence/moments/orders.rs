@@ -27,7 +27,7 @@ const MIN_SLOPE_SHARE: f32 = 0.3;
 /// Least rise of Φ, turns per column, that separates orders.
 const MIN_RISE: f32 = 1e-5;
 /// Largest order.
-pub(super) const MAX_ORDER: f32 = 8000.0;
+const MAX_ORDER: f32 = 8000.0;
 
 /// The columns of C2 in which a pixel of C1 sees all of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,7 @@ impl SearchSpace {
     }
 }
 
-/// A pixel of C1, with the inputs of its scores.
+/// A pixel of C1 whose orders are asked.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelOrders {
     pub(super) segment: Segment,
@@ -166,7 +166,7 @@ pub(super) struct Around<L: Lanes> {
 
 /// δ less the drift of the crossing near the places, turns. `per_turn` is the columns per turn of Φ.
 #[inline(always)]
-pub(super) fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
+fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
     let off = lanes.add_float(lanes.floats(lanes.widen(around.value)), lanes.times_float(around.share, slope));
     // Beyond C1, the projector sees a nearer point move against the way in which C2 sees it move.

@@ -114,8 +114,7 @@ fn continues_decided(view: View<'_>, runs: &PhaseRuns, nodes: &Nodes, node: &Nod
             let rows = [pixel.checked_sub(width), Some(pixel + width)];
             for other in beside.into_iter().chain(rows).flatten() {
                 if pixels.owner.get(other).is_some_and(|owner| *owner != NONE) {
-                    let absolute = (i32::from(pixels.chosen.order[other]) << 16) + i32::from(phase[other]);
-                    contacts += u32::from((absolute - own).abs() <= MAX_STEP);
+                    contacts += u32::from((pixels.absolute(view, other) - own).abs() <= MAX_STEP);
                 }
             }
         }

@@ -64,8 +64,8 @@ impl Component {
 pub(super) struct Verdict {
     sets: DisjointSets,
     /// The component of each part.
-    pub(super) component_of: Vec<u32>,
-    pub(super) components: Vec<Component>,
+    component_of: Vec<u32>,
+    components: Vec<Component>,
     /// Odds of each part, nats.
     odds_of: Vec<f32>,
     /// Place in C2 of each pixel; [`NONE`] if undecided.
@@ -133,8 +133,7 @@ impl Verdict {
     }
 
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
-        let (width, phase) = (view.cam1.width, &view.cam1.phase);
-        let (owner, order) = (&*pixels.owner, &pixels.chosen.order);
+        let (width, owner) = (view.cam1.width, &*pixels.owner);
         self.pairs.resize_with(view.cam1.height, Vec::new);
         self.pairs.par_iter_mut().enumerate().for_each(|(v, pairs)| {
             pairs.clear();
@@ -148,8 +147,7 @@ impl Verdict {
                     if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
                         continue;
                     }
-                    let absolute = |pixel: usize| (i32::from(order[pixel]) << 16) + i32::from(phase[pixel]);
-                    if (absolute(pixel) - absolute(other)).abs() <= MAX_STEP {
+                    if !is_other(view, pixels, pixel, other) {
                         pairs.push(pair);
                         last = pair;
                     }
@@ -244,7 +242,9 @@ impl Verdict {
     /// Pixels whose place a better founded component holds. A surface that C2 sees claims all places around it; one that
     /// it does not see claims a few by chance.
     pub(super) fn taken(&mut self, view: View<'_>, pixels: &Pixels<'_>) -> &[u32] {
-        self.find_places(view, pixels);
+        // Dropped points hold no place.
+        let dropped = self.places.iter_mut().zip(&*pixels.owner).filter(|(_, owner)| **owner == NONE);
+        dropped.for_each(|(place, _)| *place = NONE);
         self.claim(view, pixels);
         let Contest { mut others, mut contested, mut lost } = std::mem::take(&mut self.contest);
         let Self { places, owners, .. } = &*self;
@@ -326,8 +326,8 @@ fn rival(view: View<'_>, pixels: &Pixels<'_>, owners: &[u32], place: usize, pixe
     at(Some(place)).or_else(|| both(1)).or_else(|| both(view.cam2.width))
 }
 
-/// Whether two points in one place of C2 are not of one surface: their absolute phases differ.
+/// Whether two points do not lie on one surface, as points beside each other or in one place of C2 would: their absolute
+/// phases differ.
 fn is_other(view: View<'_>, pixels: &Pixels<'_>, a: usize, b: usize) -> bool {
-    let absolute = |pixel: usize| (i32::from(pixels.chosen.order[pixel]) << 16) + i32::from(view.cam1.phase[pixel]);
-    (absolute(a) - absolute(b)).abs() > MAX_STEP
+    (pixels.absolute(view, a) - pixels.absolute(view, b)).abs() > MAX_STEP
 }
