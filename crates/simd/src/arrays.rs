@@ -187,7 +187,6 @@ impl Lanes for Arrays {
         fn narrow(self, a: Longs) -> Words { map(a, |a| a.clamp(0, 0xffff) as u16 as i16) }
         fn narrow_signed(self, a: Longs) -> Words { map(a, |a| a.clamp(-0x8000, 0x7fff) as i16) }
         fn sub_long(self, a: Longs, b: Longs) -> Longs { zip(a, b, i32::wrapping_sub) }
-        fn is_same(self, a: Longs, b: Longs) -> Truths { zip(a, b, |a, b| truth_of_long(a == b)) }
         fn floats(self, a: Longs) -> Floats { map(a, |a| a as f32) }
     }
     #[inline(always)]
@@ -315,18 +314,5 @@ impl Lanes for Arrays {
             out[i] = f32::from_bits((yes[i].to_bits() & truths[i] as u32) | (no[i].to_bits() & !truths[i] as u32));
         }
         out
-    }
-
-    #[inline(always)]
-    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
-        let mut bytes = [0; LANES / 4];
-        for i in 0..LANES / 4 {
-            bytes[i] = words[i] as u8;
-        }
-        u64::from_le_bytes(bytes)
-    }
-    #[inline(always)]
-    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
-        [words.iter().fold(u16::MAX, |least, &word| least.min(word)); LANES / 4]
     }
 }

@@ -252,7 +252,6 @@ impl Lanes for Avx512 {
         fn narrow(self, [a, b]: Pair<__m512i>) -> __m512i { unsafe { _mm512_packus_epi32(a, b) } }
         fn narrow_signed(self, [a, b]: Pair<__m512i>) -> __m512i { unsafe { _mm512_packs_epi32(a, b) } }
         fn sub_long(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__m512i> { both!(_mm512_sub_epi32, a, b) }
-        fn is_same(self, a: Pair<__m512i>, b: Pair<__m512i>) -> Pair<__mmask16> { both!(_mm512_cmpeq_epi32_mask, a, b) }
         fn floats(self, a: Pair<__m512i>) -> Pair<__m512> { both!(_mm512_cvtepi32_ps, a) }
     }
     #[inline(always)]
@@ -481,19 +480,5 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn mask_of(self, [a, b]: Pair<__mmask16>) -> __mmask32 {
         unsafe { _pdep_u32(u32::from(a), OF_REGISTERS[0]) | _pdep_u32(u32::from(b), OF_REGISTERS[1]) }
-    }
-
-    #[inline(always)]
-    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64 {
-        unsafe { _mm_cvtsi128_si64(_mm_cvtepi16_epi8(_mm_loadu_si128(words.as_ptr().cast()))) as u64 }
-    }
-    #[inline(always)]
-    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4] {
-        let mut least = [0; LANES / 4];
-        unsafe {
-            let all = _mm_loadu_si128(words.as_ptr().cast());
-            _mm_storeu_si128(least.as_mut_ptr().cast(), _mm_broadcastw_epi16(_mm_minpos_epu16(all)));
-        }
-        least
     }
 }

@@ -228,8 +228,6 @@ pub trait Lanes: Copy {
     fn join(self, high: Self::Words, low: Self::Words) -> Self::Longs;
     /// a − b, wrapping.
     fn sub_long(self, a: Self::Longs, b: Self::Longs) -> Self::Longs;
-    /// a = b.
-    fn is_same(self, a: Self::Longs, b: Self::Longs) -> Self::Truths;
     /// `yes` if the mask is set, otherwise `no`.
     fn select_long(self, truths: Self::Truths, yes: Self::Longs, no: Self::Longs) -> Self::Longs;
     /// The entries of a table at some indices. Indices must not be negative; an index beyond the table yields the last
@@ -329,11 +327,6 @@ pub trait Lanes: Copy {
     fn truths(self, mask: Self::Mask) -> Self::Truths;
     /// The mask of longs as one of words.
     fn mask_of(self, truths: Self::Truths) -> Self::Mask;
-
-    /// Words below 256 as bytes, the first one lowest.
-    fn bytes_of(self, words: &[u16; LANES / 4]) -> u64;
-    /// The smallest of unsigned words, in all elements.
-    fn least(self, words: &[u16; LANES / 4]) -> [u16; LANES / 4];
 }
 
 #[cfg(test)]
