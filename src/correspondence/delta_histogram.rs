@@ -9,6 +9,7 @@ use crate::phase::PhaseMap;
 use super::candidates::{Candidate, DeltaGate, scan_segment};
 use super::delta_statistics::{DeltaStatistics, MIN_SD_TURNS};
 use super::epipolar_image::EpipolarImage;
+use super::moments::Model;
 use super::pool::Pool;
 use super::row_view::RowView;
 use super::segment::SegmentRow;
@@ -48,7 +49,7 @@ impl DeltaHistogram {
     /// The histogram with the phases of C1 lowered by `ahead`, turns · 65536.
     #[must_use]
     pub fn from_all_candidates(cam1: &PhaseMap, cam2: &EpipolarImage, table: &SegmentTable, ahead: u16) -> Self {
-        HistogramScratch::default().count(View { cam1, cam2, table }, ahead)
+        HistogramScratch::default().count(View { cam1, cam2, table, model: &Model::USUAL }, ahead)
     }
 
     /// Counts over −π to π rad in equal parts, in ascending order of δ.
@@ -154,7 +155,7 @@ impl HistogramScratch {
 }
 
 impl Part {
-    fn add_row(&mut self, View { cam1, cam2, table }: View<'_>, v: usize, ahead: u16) {
+    fn add_row(&mut self, View { cam1, cam2, table, .. }: View<'_>, v: usize, ahead: u16) {
         let Self { segments, found, histogram } = self;
         table.row(v, segments);
         for u in (STRIDE / 2..cam1.width).step_by(STRIDE) {

@@ -12,6 +12,7 @@ use crate::phase::PhaseMap;
 use super::delta_histogram::DeltaHistogram;
 use super::delta_statistics::{DeltaStatistics, mean_and_sd_rad};
 use super::epipolar_image::EpipolarImage;
+use super::moments::Model;
 use super::segment_table::SegmentTable;
 use super::support::{Support, SupportRule};
 use super::unique::{Search, UniqueCandidates};
@@ -36,7 +37,7 @@ pub fn measure_delta(
     histogram: &DeltaHistogram,
     min_votes: u16,
 ) -> Option<DeltaStatistics> {
-    DeltaScratch::default().measure(View { cam1, cam2, table }, histogram, min_votes)
+    DeltaScratch::default().measure(View { cam1, cam2, table, model: &Model::USUAL }, histogram, min_votes)
 }
 
 /// Scratch memory for the measurement, kept from window to window.

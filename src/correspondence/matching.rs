@@ -146,18 +146,18 @@ impl Matcher {
             return Err(size_error);
         }
         // A slip is corrected first: it moves every δ.
-        let mut histogram = histogram_scratch.count(View { cam1, cam2, table }, 0);
+        let mut histogram = histogram_scratch.count(View { cam1, cam2, table, model: &settings.model }, 0);
         let mut slip_steps = [0; 2];
         let mut corrected = None;
         if let Some(steps) = settings.cycle_steps {
-            let view = View { cam1, cam2, table };
+            let view = View { cam1, cam2, table, model: &settings.model };
             if let Some(found) = correct_slip(view, &histogram, steps, moments) {
                 (slip_steps, *cam2) = (found.slip_steps, found.cam2);
-                histogram = histogram_scratch.count(View { cam1: &found.cam1, cam2, table }, 0);
+                histogram = histogram_scratch.count(View { cam1: &found.cam1, cam2, table, model: &settings.model }, 0);
                 corrected = Some(found.cam1);
             }
         }
-        let view = View { cam1: corrected.as_ref().unwrap_or(cam1), cam2, table };
+        let view = View { cam1: corrected.as_ref().unwrap_or(cam1), cam2, table, model: &settings.model };
         let measured = delta_scratch.measure(view, &histogram, settings.resolution.min_votes);
         let mut delta = measured.ok_or(MatchError::NothingInCommon)?;
         if let Some(sd_rad) = settings.delta_sd_rad {
@@ -200,10 +200,10 @@ impl Matching<'_> {
             min_confidence: self.settings.min_confidence,
         };
         let learned = scratch.explain(self.view, known.as_ref());
-        let is_doubtful = self.is_measured() && learned.is_scattered();
+        let is_doubtful = self.is_measured() && learned.is_scattered(&self.settings.model);
         if is_doubtful
             && let Some(exchanged) = self.explain_exchanged()
-            && !exchanged.is_scattered()
+            && !exchanged.is_scattered(&self.settings.model)
         {
             let [sd_rad, exchanged_sd_rad] = [&learned, &exchanged].map(|learned| learned.field.residual_sd_rad);
             return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });

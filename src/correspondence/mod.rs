@@ -91,7 +91,7 @@ pub use epipolar_image::EpipolarImage;
 pub use fingerprint::Fingerprint;
 pub use fringeflow_base::outcome::{Outcome, OutcomeCounts};
 pub use matching::{Matcher, Matches, match_phases, match_phases_with_grounds};
-pub use moments::{CONFIDENCE_TERMS, Confidence, Grounds};
+pub use moments::{CONFIDENCE_TERMS, Confidence, Constant, Grounds, Model, Step};
 pub use search::{Candidates, find_candidates};
 pub use segment::{Segment, SegmentRow};
 pub use segment_fields::SegmentTableError;

@@ -1,5 +1,7 @@
 //! Settings of the matching.
 
+use super::moments::Model;
+
 /// How pixels with several candidates are decided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ResolutionMethod {
@@ -38,12 +40,14 @@ pub struct MatchSettings {
     pub resolution: ResolutionSettings,
     /// Least probability of a point to be true. The paper's method states none.
     pub min_confidence: f32,
+    /// Constants of the order decision by moments.
+    pub model: Model,
 }
 
 impl Default for MatchSettings {
     fn default() -> Self {
         let (method, resolution) = (ResolutionMethod::default(), ResolutionSettings::default());
-        Self { delta_sd_rad: None, cycle_steps: None, method, resolution, min_confidence: 0.8 }
+        Self { delta_sd_rad: None, cycle_steps: None, method, resolution, min_confidence: 0.8, model: Model::USUAL }
     }
 }
 

@@ -62,7 +62,7 @@ pub(super) fn correct_slip(
 
 /// The slip that agrees clearly better in the volume than the declared steps, and than every other slip.
 fn find_slip(
-    View { cam1, cam2, table }: View<'_>,
+    View { cam1, cam2, table, .. }: View<'_>,
     nominal_histogram: &DeltaHistogram,
     steps: usize,
 ) -> Option<[usize; 2]> {

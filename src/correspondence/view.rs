@@ -3,6 +3,7 @@
 use crate::phase::PhaseMap;
 
 use super::epipolar_image::EpipolarImage;
+use super::moments::Model;
 use super::segment_table::SegmentTable;
 
 /// The phases of both cameras, and the segment table of their rig.
@@ -12,4 +13,6 @@ pub(super) struct View<'a> {
     /// Phase of C2 in the epipolar frame.
     pub(super) cam2: &'a EpipolarImage,
     pub(super) table: &'a SegmentTable,
+    /// Constants of the order decision.
+    pub(super) model: &'a Model,
 }

@@ -38,7 +38,7 @@ mod virtual_scanner;
 use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::Unit;
-use fringeflow::correspondence::{MatchSettings, ResolutionMethod, ResolutionSettings};
+use fringeflow::correspondence::{MatchSettings, Model, ResolutionMethod, ResolutionSettings};
 use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::Validity;
 use fringeflow::reconstruction::Settings;
@@ -254,6 +254,7 @@ fn matching(raw: &RawCorrespondence) -> Result<MatchSettings, ConfigurationProbl
             )?,
             min_region_px: raw.min_region_px.unwrap_or(default.min_region_px),
         },
+        model: Model::USUAL,
         min_confidence: checked(
             "correspondence.min_confidence",
             raw.min_confidence.unwrap_or(MatchSettings::default().min_confidence),

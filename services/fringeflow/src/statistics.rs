@@ -11,6 +11,9 @@ use fringeflow_telemetry::health::{HealthLimits, Quantity};
 
 use crate::proposed::ProposedOutput;
 
+/// Share of the pixels with a phase from which on it is told first that they see what is outside, percent.
+const MANY_OUTSIDE_PERCENT: f64 = 50.0;
+
 /// Statistics of a reconstruction.
 #[derive(Serialize)]
 pub(crate) struct Statistics {
@@ -46,6 +49,8 @@ pub(crate) struct Statistics {
     pub(crate) motion: Option<[MotionFigures; 2]>,
     /// Steps by which the patterns of C1 and C2 were ahead of the declared ones; the phases were corrected.
     pub(crate) slip_steps: [usize; 2],
+    /// Share of the pixels with a phase that see surfaces outside the measurement volume, percent.
+    pub(crate) outside_percent: f64,
     /// Number of pixels of C1 by outcome.
     pub(crate) pixels: BTreeMap<&'static str, u64>,
 }
@@ -139,6 +144,7 @@ impl Statistics {
     pub(crate) fn new(ProposedOutput { reconstruction, limits, .. }: &ProposedOutput) -> Self {
         let matches = &reconstruction.matches;
         let counts = OutcomeCounts::from_outcomes(&matches.outcomes);
+        let lit = matches.outcomes.len() as u64 - counts.get(Outcome::Invalid);
         Self {
             mean_periods: matches.delta.mean_periods,
             delta_mean_rad: matches.delta.mean_rad,
@@ -159,12 +165,22 @@ impl Statistics {
                 .zip(reconstruction.cam2.motion)
                 .map(|(a, b)| [a, b].map(|motion| MotionFigures::from_motion(&motion))),
             slip_steps: matches.slip_steps,
+            outside_percent: 100.0 * counts.get(Outcome::OutsideVolume) as f64 / lit.max(1) as f64,
             pixels: counts
                 .iter()
                 .filter(|&(outcome, _)| outcome != Outcome::GrayCode)
                 .map(|(outcome, count)| (outcome.name(), count))
                 .collect(),
         }
+    }
+}
+
+impl Statistics {
+    /// What the first line of a result adds where most of the image shows other things than the object.
+    pub(crate) fn outside_note(&self) -> Option<String> {
+        let share = self.outside_percent;
+        (share > MANY_OUTSIDE_PERCENT)
+            .then(|| format!("; {share:.0} % of the pixels with a phase see surfaces outside the measurement volume"))
     }
 }
 

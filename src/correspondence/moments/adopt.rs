@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use super::likelihood::radians;
-use super::look::{MAX_Z, Seen, nearest};
+use super::look::{Seen, nearest};
 use super::noise::Noise;
 use super::pixel_search::PixelSearch;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
@@ -20,8 +20,6 @@ use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// How far δ of a pixel at a rim may be off at least, rad: there two surfaces mix.
-const RIM_RAD: f32 = 0.2;
 /// Rounds: how many pixels deep a rim is.
 const ROUNDS: usize = 3;
 
@@ -131,7 +129,7 @@ fn adopt_row(
         let mut best: Option<(f32, Adopted)> = None;
         for &(order, part) in &tried[..count] {
             let offset = parts[part as usize].offset / radians(1.0);
-            let reach = (MAX_Z * sd).max(RIM_RAD) / radians(1.0);
+            let reach = (view.model.max_sd * sd).max(view.model.rim_rad) / radians(1.0);
             let Some([begin, end]) = search.columns_of(order, reach + offset.abs()) else { continue };
             let mut consider = |column_px: f32, slope: i32| {
                 let (found, rest) = search.order_and_residual(column_px);

@@ -12,7 +12,8 @@
 use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::field::Uncertainty;
-use super::likelihood::{FLOOR_NATS, Look, Moments, Sums, Widths, radians};
+use super::likelihood::{Look, Moments, Sums, Widths, radians};
+use super::model::Model;
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
 use super::orders::{Orders, PixelOrders, RestsOfOrders, SearchSpace, rests_of_orders};
@@ -24,10 +25,6 @@ use crate::correspondence::view::View;
 
 /// Scores are counted in this many steps a nat.
 pub(super) const STEPS_PER_NAT: f32 = 64.0;
-/// Ratio of an order whose points C2 cannot see: it says nothing, but to be seen is likelier.
-const UNSEEN_NATS: f32 = -0.5;
-/// Ratio of no order at all.
-const NOTHING_NATS: f32 = -1.0;
 /// Pixels of a node from which on it is sampled sparsely.
 const MANY_PX: u32 = 64;
 
@@ -131,7 +128,7 @@ impl Evidence {
                     node.noise = sums.noise / (sums.sampled.max(1)) as f32;
                     let [most, whole] = question.outside_nats;
                     let handicap = most.min(whole / question.of_surface[node.surface as usize] as f32);
-                    sums.judge(node.noise, question, handicap, scores, fits);
+                    sums.judge(view.model, node.noise, question, handicap, scores, fits);
                 } else {
                     *scores = [0; LABELS];
                 }
@@ -260,10 +257,18 @@ impl NodeSums {
     }
 
     /// Scores of all labels, and the fits.
-    fn judge(&self, noise: f32, question: &Question<'_>, outside_nats: f32, scores: &mut Scores, fits: &mut Vec<Fit>) {
+    fn judge(
+        &self,
+        model: &Model,
+        noise: f32,
+        question: &Question<'_>,
+        outside_nats: f32,
+        scores: &mut Scores,
+        fits: &mut Vec<Fit>,
+    ) {
         let score = |nats: f32| (nats * STEPS_PER_NAT) as i16;
-        *scores = [score(UNSEEN_NATS); LABELS];
-        scores[usize::from(NOTHING)] = score(NOTHING_NATS);
+        *scores = [score(model.unseen_nats); LABELS];
+        scores[usize::from(NOTHING)] = score(model.nothing_nats);
         let [first, last] = self.labels;
         let widest = question.widths.wrong_slopes[0].max(question.widths.slopes[0]);
         for label in first.max(0)..=last.min(i32::from(NOTHING) - 1) {
@@ -272,19 +277,19 @@ impl NodeSums {
             let sums = Sums { seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee };
             let is_inside = label as f32 >= self.inside[0] && label as f32 <= self.inside[1];
             let handicap = if is_inside { 0.0 } else { outside_nats };
-            let nats = match sums.look(self.sampled as f32, noise, widest) {
-                Look::Unseen => UNSEEN_NATS,
-                Look::Unfit => FLOOR_NATS,
+            let nats = match sums.look(self.sampled as f32, noise, widest, model) {
+                Look::Unseen => model.unseen_nats,
+                Look::Unfit => model.floor_nats,
                 Look::Fits(moments) => {
                     let place = self.place(label as f32);
                     let mean = question.widths.mean;
                     let mean = (mean * mean + question.uncertainty.beyond(place)).sqrt();
-                    let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths });
+                    let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths }, model);
                     fits.push(Fit { label: label as u8, is_inside, ratio, moments });
                     ratio
                 }
             };
-            scores[at] = score((nats - handicap).max(FLOOR_NATS));
+            scores[at] = score((nats - handicap).max(model.floor_nats));
         }
     }
 }

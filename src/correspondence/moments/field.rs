@@ -19,10 +19,6 @@ use crate::correspondence::drift::{Drift, FieldTerms};
 use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::view::View;
 
-/// sd of the mean of δ of a surface about the field, rad: a surface's nodes are not independent of each other.
-const SURFACE_SD: f64 = 0.02;
-/// Nodes that weigh as one independent observation.
-const NODES_PER_OBSERVATION: f64 = 4.0;
 /// Fewest nodes of a fit, and most used.
 const MIN_NODES: usize = 6;
 const MAX_NODES: usize = 1200;
@@ -33,7 +29,6 @@ const STEP: f64 = 0.1;
 const FARTHEST: f32 = 30.0;
 /// Rounds of weights, and Tukey's constant.
 const ROUNDS: usize = 8;
-const TUKEY: f64 = 4.7;
 
 /// Number of terms of the field.
 const TERMS: usize = size_of::<FieldTerms>() / size_of::<f64>();
@@ -132,7 +127,7 @@ impl Fitting {
     pub(super) fn fit(
         &mut self,
         view: View<'_>,
-        (present, prior_px): (&Drift, f64),
+        (present, prior_px): (&Drift, f32),
         runs: &PhaseRuns,
         nodes: &Nodes,
         evidence: &Evidence,
@@ -148,13 +143,13 @@ impl Fitting {
         for _ in 1..ROUNDS {
             let sd = spread(seen, &solution, rests);
             let (mut normal, mut right) = (Covariance::zeros(), Coefficients::zeros());
-            let noise = SURFACE_SD / TAU;
+            let noise = f64::from(view.model.node_mean_rad) / TAU;
             for (own, rest) in seen.iter().zip(&*rests) {
-                let z = rest / (TUKEY * sd);
+                let z = rest / (f64::from(view.model.tukey_sd) * sd);
                 if z.abs() >= 1.0 {
                     continue;
                 }
-                let weight = own.weight * (1.0 - z * z).powi(2) / (noise * noise * NODES_PER_OBSERVATION);
+                let weight = own.weight * (1.0 - z * z).powi(2) / (noise * noise);
                 for j in 0..TERMS {
                     let term = weight * own.terms[j];
                     right[j] += term * own.delta_turns;
@@ -164,7 +159,7 @@ impl Fitting {
                 }
             }
             for j in 1..TERMS {
-                normal[(j, j)] += 1.0 / (prior_px * prior_px);
+                normal[(j, j)] += 1.0 / f64::from(prior_px * prior_px);
             }
             // The lower triangle is enough.
             let own = normal.cholesky()?;

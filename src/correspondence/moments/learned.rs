@@ -9,40 +9,25 @@ use super::Scratch;
 use super::evidence::Evidence;
 use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths};
+use super::model::{Model, Step};
 use super::nodes::{Node, Nodes};
 use super::noise::Noise;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
 
-/// How the field is sought: as the small error of a calibrated rig, or as one of any size.
-const ATTEMPTS: [Attempt; 2] =
-    [Attempt { prior_px: 0.15, first_cap: 0.3, rounds: 3 }, Attempt { prior_px: 1.0, first_cap: 0.8, rounds: 6 }];
-/// |δ − field| below which a sample fits about a fitted field, rad.
-const CAP: f32 = 0.2;
-/// sd of the means of nodes about the field from which on the field is not the true one, rad: true orders leave .008 to
-/// .02, wrong ones .04 to .1.
-const SCATTERED_RAD: f64 = 0.03;
-/// sd of the mean of δ of a true order about no field, rad.
-const FIRST_MEAN_SD: f32 = 0.06;
-/// Spread of the mean of a wrong order given that of its neighbours, rad per largest tile.
-const WRONG_MEAN: f32 = 0.8;
 /// Widths of wrong slopes until they are measured, rad per half tile.
 const WRONG_SLOPES: [f32; 2] = [0.2, 0.1];
-/// Nats, lead and share of a node from which field and noise are learned.
-const CLEAR_NATS: f32 = 3.0;
-const CLEAR_SHARE: f32 = 0.7;
 /// |x| of Student's t with three degrees of freedom that half of its values exceed.
 const STUDENT_MEDIAN: f32 = 0.765;
-/// Widths of mean, rad, and slopes, rad per half tile, of true orders where they cannot be measured, and their limits.
+/// Widths of mean, rad, and slopes, rad per half tile, of true orders where they cannot be measured.
 const USUAL_WIDTHS: [f32; 3] = [0.015, 0.03, 0.03];
-const TRUE_WIDTHS: [f32; 2] = [0.01, 0.04];
 /// Fewest values from which a width is measured.
 const MIN_VALUES: usize = 50;
 
 /// The prior of the field and the rounds of a search.
 struct Attempt {
     /// sd of the coefficient of a mode, pixels of calibration error.
-    prior_px: f64,
+    prior_px: f32,
     /// |δ − field| below which a sample fits about no field, rad.
     first_cap: f32,
     /// Rounds of learning.
@@ -60,6 +45,8 @@ pub(in crate::correspondence) struct Learned {
     pub(super) uncertainty: Uncertainty,
     /// |δ − field| below which a sample fits, rad.
     pub(super) cap: f32,
+    /// Spread of the mean of a wrong order from one largest tile to the next, rad.
+    wrong_mean_rad: f32,
     /// Whether this is the last round, about the final field.
     pub(super) is_settled: bool,
     /// Mean log likelihood ratio of a pixel by its node, nats.
@@ -69,13 +56,16 @@ pub(in crate::correspondence) struct Learned {
 impl Scratch {
     /// Decides the largest nodes while field, noise and widths are learned from them.
     pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
-        let [usual, any] = &ATTEMPTS;
-        let none = Drift::level(0.0, f64::from(FIRST_MEAN_SD));
+        let model = view.model;
+        // The small error of a calibrated rig, and one of any size.
+        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3 };
+        let any = Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6 };
+        let none = Drift::level(0.0, f64::from(model.first_mean_rad));
         let mut best: Option<Learned> = None;
-        for (attempt, start) in [(usual, Some(&none)), (usual, known), (any, Some(&none))] {
+        for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
             let learned = self.learn_from(view, attempt, start);
-            if !learned.is_scattered() {
+            if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
                 return learned;
             }
             best = Some(match best {
@@ -84,19 +74,19 @@ impl Scratch {
             });
         }
         // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
-        let mut best = best.unwrap_or_else(|| Learned::about(&none, any));
-        self.ask(view, 0, &best, &[]);
+        let mut best = best.unwrap_or_else(|| Learned::about(&none, &any, model));
+        self.ask(view, 0, &best, None);
         best.nats = self.nats();
         best
     }
 
     /// Learns in rounds, starting from a field.
     fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift) -> Learned {
-        let mut learned = Learned::about(start, attempt);
+        let mut learned = Learned::about(start, attempt, view.model);
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
-            self.ask(view, 0, &learned, &[]);
-            self.list_clear();
+            self.ask(view, 0, &learned, None);
+            self.list_clear(view.model);
             let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
             let start = (&learned.field, attempt.prior_px);
             if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
@@ -105,20 +95,21 @@ impl Scratch {
             learned.noise = learned.noise.learn(view, nodes, evidence, clear, values);
             learned.widths.wrong_slopes =
                 wrong_slopes(nodes, evidence, clear, values).unwrap_or(learned.widths.wrong_slopes);
-            let [mean, along, across] = true_widths(nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
+            let [mean, along, across] = true_widths(view.model, nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
             (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
-            learned.cap = CAP;
+            learned.cap = view.model.cap_rad;
         }
         learned.nats = self.nats();
         learned
     }
 
     /// Lists the nodes from which field, noise and widths are learned.
-    fn list_clear(&mut self) {
+    fn list_clear(&mut self, model: &Model) {
         let Self { nodes, evidence, clear, .. } = self;
         let is_clear = |i: usize, node: &Node| {
             let fit = evidence.fit(i, node.label);
-            node.lead >= CLEAR_NATS && fit.is_some_and(|f| f.ratio >= CLEAR_NATS && f.moments.share >= CLEAR_SHARE)
+            node.lead >= model.clear_nats
+                && fit.is_some_and(|f| f.ratio >= model.clear_nats && f.moments.share >= model.clear_share)
         };
         clear.clear();
         clear.extend((0_u32..).zip(&nodes.nodes).filter(|(i, node)| is_clear(*i as usize, node)).map(|(i, _)| i));
@@ -139,9 +130,9 @@ impl Scratch {
 
 impl Learned {
     /// What is known before anything is learned.
-    fn about(field: &Drift, attempt: &Attempt) -> Self {
+    fn about(field: &Drift, attempt: &Attempt, model: &Model) -> Self {
         let widths = Widths {
-            mean: FIRST_MEAN_SD,
+            mean: model.first_mean_rad,
             slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
             wrong_slopes: WRONG_SLOPES,
             wrong_mean: None,
@@ -152,14 +143,15 @@ impl Learned {
             widths,
             uncertainty: Uncertainty::default(),
             cap: attempt.first_cap,
+            wrong_mean_rad: model.wrong_mean_rad,
             is_settled: false,
             nats: 0.0,
         }
     }
 
     /// Whether the means of nodes lie about the field as those of wrong orders do.
-    pub(in crate::correspondence) fn is_scattered(&self) -> bool {
-        self.field.residual_sd_rad.is_nan() || self.field.residual_sd_rad > SCATTERED_RAD
+    pub(in crate::correspondence) fn is_scattered(&self, model: &Model) -> bool {
+        self.field.residual_sd_rad.is_nan() || self.field.residual_sd_rad > f64::from(model.scattered_rad)
     }
 
     /// Widths for the tiles of a level. A node of the largest tiles is asked without regard to its neighbours.
@@ -173,7 +165,7 @@ impl Learned {
         let share = 1.0 / f32::from(1_u16 << level);
         let Widths { mean, slopes, wrong_slopes, .. } = self.widths;
         let [slopes, wrong_slopes] = [slopes, wrong_slopes].map(|widths| widths.map(|width| width * share));
-        Widths { mean, slopes, wrong_slopes, wrong_mean: Some(WRONG_MEAN * share) }
+        Widths { mean, slopes, wrong_slopes, wrong_mean: Some(self.wrong_mean_rad * share) }
     }
 }
 
@@ -188,13 +180,19 @@ fn wrong_slopes(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut 
 }
 
 /// The widths of mean and slopes of true orders: of the decided labels of clear nodes.
-fn true_widths(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 3]> {
+fn true_widths(
+    model: &Model,
+    nodes: &Nodes,
+    evidence: &Evidence,
+    clear: &[u32],
+    values: &mut Values,
+) -> Option<[f32; 3]> {
     values.clear();
     values.extend(clear.iter().map(|&i| i as usize).filter_map(|i| {
         let Moments { mean, slopes: [along, across], .. } = evidence.fit(i, nodes.nodes[i].label)?.moments;
         Some([mean.abs(), along.abs(), across.abs()])
     }));
-    widths(values).map(|widths| widths.map(|width| width.clamp(TRUE_WIDTHS[0], TRUE_WIDTHS[1])))
+    widths(values).map(|widths| widths.map(|width| width.clamp(model.min_width_rad, model.max_width_rad)))
 }
 
 /// Width of the density of Student's t of each column of amounts, by its median. `None` if they are too few.

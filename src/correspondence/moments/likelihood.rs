@@ -17,18 +17,10 @@
 
 use std::f32::consts::TAU;
 
-/// Least ratio, nats: one spoilt node must not outweigh all its neighbours.
-pub(super) const FLOOR_NATS: f32 = -5.0;
-/// Exponent of the share of fitting samples of a true order: its density is (1 + e)·fᵉ.
-const SHARE_EXPONENT: f32 = 6.0;
-/// Least share of fitting samples, and fewest of them, from which moments are computed.
-const MIN_SHARE: f32 = 0.3;
-const MIN_FITTING: f32 = 3.0;
-/// Least share of samples that C2 must see.
-const MIN_SEEN: f32 = 0.2;
+use super::model::Model;
 
-/// Widths of the means of nodes within true and within wrong components, rad.
-const CHOSEN_MEANS: [f32; 2] = [0.015, 0.06];
+/// Fewest fitting samples from which moments are computed.
+const MIN_FITTING: f32 = 3.0;
 
 /// The widths of the densities, radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,12 +102,12 @@ impl Sums {
 
     /// The moments. `sampled` counts all samples, `noise` is the mean variance of a sample, and `slope_width` the widest
     /// slope expected, with which slopes that the samples hardly determine are kept small.
-    pub(super) fn look(&self, sampled: f32, noise: f32, slope_width: f32) -> Look {
-        if self.seen < MIN_FITTING.max(MIN_SEEN * sampled) {
+    pub(super) fn look(&self, sampled: f32, noise: f32, slope_width: f32, model: &Model) -> Look {
+        if self.seen < MIN_FITTING.max(model.min_seen * sampled) {
             return Look::Unseen;
         }
         let (n, share) = (self.fitting, self.fitting / self.seen);
-        if share < MIN_SHARE || n < MIN_FITTING {
+        if share < model.min_share || n < MIN_FITTING {
             return Look::Unfit;
         }
         let per = 1.0 / n;
@@ -136,8 +128,8 @@ impl Sums {
 
 impl Moments {
     /// Log likelihood ratio of slopes and share, true against wrong, nats.
-    fn ratio_but_mean(&self, widths: &Widths) -> f32 {
-        let mut ratio = SHARE_EXPONENT * ln(self.share) + LN_SHARE;
+    fn ratio_but_mean(&self, widths: &Widths, model: &Model) -> f32 {
+        let mut ratio = model.share_exponent * ln(self.share) + ln(1.0 + model.share_exponent);
         for axis in 0..2 {
             let (value, noise) = (self.slopes[axis], self.variance[1 + axis]);
             let slope = widths.slopes[axis] * widths.slopes[axis];
@@ -160,30 +152,23 @@ impl Moments {
 
     /// Log likelihood ratio of the mean within a component that was chosen and lies this far from the field, nats. The
     /// means of a wrong one lie all over the reach about the field.
-    pub(super) fn ratio_within(&self, offset: f32) -> f32 {
-        let wrong = CHOSEN_MEANS[1] * CHOSEN_MEANS[1] + self.variance[0];
-        student(self.mean - offset, self.variance_within()) - student(self.mean, wrong)
+    pub(super) fn ratio_within(&self, offset: f32, model: &Model) -> f32 {
+        let wrong = model.wrong_means_rad * model.wrong_means_rad + self.variance[0];
+        student(self.mean - offset, self.variance_within(model)) - student(self.mean, wrong)
     }
 
     /// Variance of the mean about the offset of a true component, rad².
-    pub(super) fn variance_within(&self) -> f32 {
-        CHOSEN_MEANS[0] * CHOSEN_MEANS[0] + self.variance[0]
+    pub(super) fn variance_within(&self, model: &Model) -> f32 {
+        model.true_means_rad * model.true_means_rad + self.variance[0]
     }
 
-    /// Log likelihood ratio of all moments, nats; at least [`FLOOR_NATS`].
-    pub(super) fn ratio(&self, expected_mean: f32, widths: &Widths) -> f32 {
-        (self.ratio_of_mean(expected_mean, widths) + self.ratio_but_mean(widths)).max(FLOOR_NATS)
+    /// Log likelihood ratio of all moments, nats; at least the floor of the model.
+    pub(super) fn ratio(&self, expected_mean: f32, widths: &Widths, model: &Model) -> f32 {
+        (self.ratio_of_mean(expected_mean, widths) + self.ratio_but_mean(widths, model)).max(model.floor_nats)
     }
-}
-
-/// Log likelihood ratio of the offset of a whole surface from the field, of this width, against anywhere on the circle.
-pub(super) fn ratio_of_offset(offset: f32, width: f32) -> f32 {
-    student(offset, width * width) + LN_TAU
 }
 
 const LN_TAU: f32 = 1.837_877_1;
-/// ln(1 + SHARE_EXPONENT).
-const LN_SHARE: f32 = 1.945_910_1;
 /// Log of the density at 0 of Student's t with three degrees of freedom and scale 1: ln(2 / (π·√3)).
 const LN_STUDENT: f32 = -1.000_889_7;
 
@@ -223,6 +208,8 @@ pub(super) fn radians(turns: f32) -> f32 {
 mod tests {
     use super::*;
 
+    const MODEL: Model = Model::USUAL;
+
     const WIDTHS: Widths = Widths { mean: 0.03, slopes: [0.03; 2], wrong_slopes: [0.5, 0.2], wrong_mean: None };
 
     fn tile(delta: impl Fn(f32, f32) -> f32) -> Sums {
@@ -235,9 +222,9 @@ mod tests {
     }
 
     fn ratio(delta: impl Fn(f32, f32) -> f32) -> f32 {
-        match tile(delta).look(64.0, 1e-4, 0.5) {
-            Look::Fits(moments) => moments.ratio(0.0, &WIDTHS),
-            _ => FLOOR_NATS,
+        match tile(delta).look(64.0, 1e-4, 0.5, &MODEL) {
+            Look::Fits(moments) => moments.ratio(0.0, &WIDTHS, &MODEL),
+            _ => MODEL.floor_nats,
         }
     }
 
@@ -270,7 +257,7 @@ mod tests {
 
     #[test]
     fn within_a_component_only_a_small_mean_speaks_for_it() {
-        let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within(0.0);
+        let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within(0.0, &MODEL);
         assert!(ratio(0.0) > 1.0 && ratio(0.1) < -1.0);
         assert!((0..20).all(|i| ratio(0.01 * i as f32) > ratio(0.01 * (i + 1) as f32)));
     }
@@ -278,16 +265,16 @@ mod tests {
     #[test]
     fn where_wrong_orders_are_flat_slopes_say_nothing() {
         let flat = Widths { wrong_slopes: [0.01, 0.01], ..WIDTHS };
-        let moments = |slope: f32| match tile(|u, _| slope * u).look(64.0, 1e-4, 0.5) {
-            Look::Fits(moments) => moments.ratio(0.0, &flat),
-            _ => FLOOR_NATS,
+        let moments = |slope: f32| match tile(|u, _| slope * u).look(64.0, 1e-4, 0.5, &MODEL) {
+            Look::Fits(moments) => moments.ratio(0.0, &flat, &MODEL),
+            _ => MODEL.floor_nats,
         };
         assert!((moments(0.0) - moments(0.05)).abs() < 1e-3);
     }
 
     #[test]
     fn a_place_that_cam2_does_not_see_is_unseen() {
-        assert_eq!(Sums::default().look(64.0, 1e-4, 0.5), Look::Unseen);
-        assert_eq!(tile(|_, _| 2.0).look(64.0, 1e-4, 0.5), Look::Unfit);
+        assert_eq!(Sums::default().look(64.0, 1e-4, 0.5, &MODEL), Look::Unseen);
+        assert_eq!(tile(|_, _| 2.0).look(64.0, 1e-4, 0.5, &MODEL), Look::Unfit);
     }
 }

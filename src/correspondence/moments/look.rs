@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
 use super::likelihood::radians;
+use super::model::Model;
 use super::nodes::{NONE, Nodes};
 use super::noise::Noise;
 use super::orders::columns_around_each;
@@ -26,14 +27,10 @@ use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 use crate::phase::Modulation;
 
-/// Largest |δ − field − offset| of a decided pixel, sd.
-pub(super) const MAX_Z: f32 = 6.0;
 /// Most iterations.
 const MAX_ITERATIONS: usize = 3;
 /// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
 const MAX_MOVE_PX: f32 = 2.0;
-/// How far the line is continued at a rim, pixels.
-const RIM_PX: f32 = 1.0;
 /// Stands for no order.
 const NO_ORDER: i16 = i16::MIN;
 
@@ -113,6 +110,7 @@ pub(super) fn look(
             let own = v * width..(v + 1) * width;
             fill_sd(&view.cam1.modulation[own.clone()], noise, sd);
             let looks = RowLook {
+                model: view.model,
                 image: view.cam2,
                 segments,
                 field: along,
@@ -155,6 +153,7 @@ fn fill_sd(modulation: &[Modulation], noise: Noise, sd: &mut [f32]) {
 
 /// The inputs of the look at a row.
 struct RowLook<'a> {
+    model: &'a Model,
     image: &'a EpipolarImage,
     segments: &'a SegmentRow,
     field: &'a DepthRow,
@@ -247,8 +246,10 @@ impl Kernel for BlockLook<'_> {
             let known = lanes.and_not(lanes.and(todo, around.known), is_flat);
             let between = lanes.mask_of(lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share)));
             // Until the crossing lies between the columns, the nearest continuation stands for it.
-            let is_near = lanes
-                .mask_of(lanes.both(lanes.reaches(share, float(-RIM_PX)), lanes.reaches(float(1.0 + RIM_PX), share)));
+            let is_near = lanes.mask_of(lanes.both(
+                lanes.reaches(share, float(-row.model.rim_px)),
+                lanes.reaches(float(1.0 + row.model.rim_px), share),
+            ));
             let here = lanes.and(known, is_near);
             let is_here = lanes.truths(here);
             at_px = lanes.select_float(is_here, lanes.add_float(before_px, share), at_px);
@@ -264,7 +265,7 @@ impl Kernel for BlockLook<'_> {
         }
         let rest = lanes.sub_float(lanes.sub_float(segments.phase_turns(at_px), target), field);
         let sd = lanes.load_floats(&filled(&row.sd[first..], 0.0));
-        let reach = lanes.times_float(float(MAX_Z / radians(1.0)), sd);
+        let reach = lanes.times_float(float(row.model.max_sd / radians(1.0)), sd);
         let fits = lanes.reaches(reach, lanes.abs_float(lanes.sub_float(rest, offset)));
         let decided = lanes.and(found, lanes.mask_of(fits));
         let in_volume = lanes.and(decided, lanes.mask_of(segments.have(at_px)));

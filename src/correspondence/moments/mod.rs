@@ -20,6 +20,7 @@
 mod adopt;
 mod belief;
 mod confidence;
+mod contacts;
 mod continuity;
 mod decay;
 mod evidence;
@@ -27,6 +28,7 @@ mod field;
 mod learned;
 mod likelihood;
 mod look;
+mod model;
 mod nodes;
 mod noise;
 mod offsets;
@@ -49,9 +51,10 @@ pub(super) use self::learned::Learned;
 use self::learned::Values;
 use self::likelihood::Moments;
 use self::look::TileRow;
+pub use self::model::{Constant, Model, Step};
 use self::nodes::{LABELS, NONE, Nodes};
 use self::orders::SearchSpace;
-use self::phase_runs::{MAX_BEND, PhaseRuns};
+use self::phase_runs::PhaseRuns;
 use self::verdict::Verdict;
 use super::chosen::ChosenCandidates;
 use super::delta_statistics::DeltaSums;
@@ -60,7 +63,6 @@ use super::drift::Drift;
 use super::pool::Pool;
 use super::segment_table::EpipolarAxis;
 use super::view::View;
-use crate::phase::PhaseMap;
 
 /// State of a pixel: not decided; a point in the volume; a point outside it.
 const OPEN: u8 = 0;
@@ -73,17 +75,8 @@ const LARGE_TILE_PX: usize = 32;
 const LARGE_PX: usize = 800_000;
 /// Tile sizes: each is half the one before.
 const LEVELS: u8 = 3;
-/// Price of a change of order along a surface, nats, at the largest tile; it falls with the root of the side.
-const PRICE_NATS: f32 = 5.0;
-/// Handicap of an order outside the volume, nats: people hold the object into it. A surface bears it once, in equal parts
-/// by its nodes, but no node more than the first; while the field is learned, each node bears the first.
-const OUTSIDE_NODE_NATS: f32 = 4.0;
-const OUTSIDE_NATS: f32 = 30.0;
-/// sd of the offset of a surface from the field, rad.
-const OFFSET_SD: f32 = 0.05;
 /// Distance of the pixels whose bend is measured, and limit of bends, medians of their size: 2.5 sd.
 const BEND_STRIDE: usize = 37;
-const BEND_SD: f32 = 2.5 * 1.4826;
 
 /// Decisions about all pixels of C1, row by row. The old contents of the vectors do not matter.
 pub(super) struct Decisions<'a> {
@@ -109,6 +102,8 @@ pub(super) struct Limits {
 #[derive(Clone, Copy, Debug)]
 struct Part {
     level: u8,
+    /// Surface of the node.
+    surface: u32,
     /// Mean of δ less the field, rad, as used by the pixels.
     offset: f32,
     moments: Option<Moments>,
@@ -195,8 +190,8 @@ pub(super) struct Scratch {
 impl Scratch {
     /// Divides C1 into surfaces, and learns the error field from them. `known` is the field of an earlier window.
     pub(super) fn explain(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
-        let max_bend = max_bend(view.cam1, &mut self.bends);
-        self.runs.find(view.cam1, view.table, max_bend);
+        let max_bend = max_bend(view, &mut self.bends);
+        self.runs.find(view, max_bend);
         self.find_bases(view);
         self.learn(view, known)
     }
@@ -216,18 +211,24 @@ impl Scratch {
         chosen.resize(count);
         let mut pixels = Pixels { chosen, state: &mut planes.state, owner: &mut planes.owner, rest: &mut planes.rest };
         self.parts.clear();
-        for level in 0..LEVELS {
+        let model = view.model;
+        let levels = if model.does(Step::SmallerTiles) { LEVELS } else { 1 };
+        for level in 0..levels {
             if level > 0 {
-                self.ask(view, level, &learned, pixels.state);
+                self.ask(view, level, &learned, Some(&pixels));
             }
-            self.keep(view, level, &learned, &pixels);
+            self.keep(view, level, &learned);
             let parts = (&self.part_of[..], &self.offsets[..]);
             look::look(view, &learned.field, &self.runs, &self.nodes, parts, learned.noise, &mut pixels, &self.looks);
             // A small surface may yet grow in smaller tiles.
-            let min_px = if level + 1 < LEVELS { 0 } else { limits.min_region_px };
-            self.reopen(view, min_px, &mut pixels);
+            let min_px = if level + 1 < levels { 0 } else { limits.min_region_px };
+            if model.does(Step::Reopening) {
+                self.reopen(view, min_px, &mut pixels);
+            }
         }
-        self.adoption.adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
+        if model.does(Step::Adoption) {
+            self.adoption.adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
+        }
         self.verdict.judge(view, &self.parts, &learned, &pixels);
         outcomes.clear();
         outcomes.resize(count, Outcome::RejectedByDelta);
@@ -294,30 +295,36 @@ impl Scratch {
     }
 
     /// Divides what is open into nodes of a level, and decides them.
-    fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, state: &[u8]) {
-        let Self { runs, bases, nodes, of_surface, evidence, messages, .. } = self;
+    fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: Option<&Pixels<'_>>) {
+        let Self { runs, bases, nodes, of_surface, evidence, messages, parts, .. } = self;
         let size = [view.cam1.width, view.cam1.height];
         let tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
         let space = SearchSpace::from_table(view.table);
-        let is_all = level == 0;
-        nodes.divide(size, tile_px >> level, runs, bases, |pixel| is_all || state[pixel] == OPEN);
+        let is_open = |pixel: usize| pixels.is_none_or(|pixels| pixels.state[pixel] == OPEN);
+        nodes.divide(size, tile_px >> level, runs, bases, is_open);
         of_surface.clear();
         of_surface.resize(runs.surfaces, 0);
         nodes.nodes.iter().for_each(|node| of_surface[node.surface as usize] += 1);
         let question = Question {
             // A quarter of the samples is enough to learn from.
             stride_px: (tile_px >> level) / if learned.is_settled { 8 } else { 4 },
-            min_px: if is_all { 16 } else { 4 },
+            min_px: if level == 0 { 16 } else { 4 },
             cap: learned.cap,
             widths: learned.widths_at(level),
-            outside_nats: [OUTSIDE_NODE_NATS, if learned.is_settled { OUTSIDE_NATS } else { f32::INFINITY }],
+            outside_nats: [
+                view.model.outside_node_nats,
+                if learned.is_settled { view.model.outside_nats } else { f32::INFINITY },
+            ],
             of_surface,
             uncertainty: &learned.uncertainty,
             noise: learned.noise,
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };
         evidence.gather(view, &learned.field, &space, runs, nodes, &question);
-        let price = PRICE_NATS / f32::from(1_u16 << level).sqrt();
+        let price = view.model.price_nats / f32::from(1_u16 << level).sqrt();
+        if let Some(pixels) = pixels.filter(|_| view.model.does(Step::Contacts)) {
+            contacts::continue_decided(view, runs, nodes, parts, pixels, price, &mut evidence.scores);
+        }
         belief::decide(nodes, &evidence.scores, price, messages);
     }
 
@@ -351,6 +358,9 @@ impl Scratch {
                 pixels.open(pixel);
             }
         }
+        if !view.model.does(Step::Claims) {
+            return;
+        }
         for &pixel in self.verdict.taken(view, pixels) {
             let pixel = pixel as usize;
             outcomes[pixel] = Outcome::Contradicted;
@@ -375,7 +385,8 @@ impl Scratch {
 }
 
 /// Bend of the phase at which a surface ends: a multiple of the sd of the second difference, which noise causes.
-fn max_bend(cam1: &PhaseMap, bends: &mut Vec<u16>) -> u16 {
+fn max_bend(View { cam1, model, .. }: View<'_>, bends: &mut Vec<u16>) -> u16 {
+    let least = (65536.0 * model.max_bend_turns) as u16;
     let places = (1..cam1.phase.len().saturating_sub(1)).step_by(BEND_STRIDE);
     let known = places.filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1]);
     bends.clear();
@@ -384,9 +395,10 @@ fn max_bend(cam1: &PhaseMap, bends: &mut Vec<u16>) -> u16 {
         (rise(i) - rise(i - 1)).unsigned_abs().min(u32::from(u16::MAX)) as u16
     }));
     if bends.is_empty() {
-        return MAX_BEND;
+        return least;
     }
     let middle = bends.len() / 2;
     let median = *bends.select_nth_unstable(middle).1;
-    MAX_BEND.max((BEND_SD * f32::from(median)).min(16000.0) as u16)
+    // The median of the size of a normal number is its sd / 1.4826.
+    least.max((1.4826 * model.bend_sd * f32::from(median)).min(16000.0) as u16)
 }

@@ -38,6 +38,8 @@ pub(super) struct Node {
     pub(super) neighbours: [u32; 4],
     /// The order of label 0 of the surface's first pixel.
     pub(super) base: i32,
+    /// The label with which it continues decided pixels beside it; [`NOTHING`] if there are none.
+    pub(super) continued: u8,
     /// The decided label, its lead over the next one, and its own ratio, nats.
     pub(super) label: u8,
     pub(super) lead: f32,
@@ -272,6 +274,7 @@ impl Node {
             pieces: [0; 2],
             neighbours: [NONE; 4],
             base,
+            continued: NOTHING,
             label: NOTHING,
             lead: 0.0,
             ratio: 0.0,

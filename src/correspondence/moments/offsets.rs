@@ -10,9 +10,8 @@
 //! three degrees of freedom.
 
 use super::likelihood::{Moments, student_cost, student_weight};
+use super::model::Model;
 
-/// Pixels of a part from which on it counts fully.
-const FULL_PX: f32 = 64.0;
 /// Rounds of weights.
 const ROUNDS: usize = 5;
 /// Least variance of the field, rad².
@@ -29,14 +28,14 @@ pub(super) struct PartMean {
 }
 
 impl PartMean {
-    fn weight(&self) -> f32 {
-        weight(self.size_px)
+    fn weight(&self, model: &Model) -> f32 {
+        weight(self.size_px, model)
     }
 }
 
 /// How much a part of so many pixels counts.
-pub(super) fn weight(size_px: u32) -> f32 {
-    (size_px as f32 / FULL_PX).min(1.0)
+pub(super) fn weight(size_px: u32, model: &Model) -> f32 {
+    (size_px as f32 / model.full_px).min(1.0)
 }
 
 /// The offset of a component, and the sums of its fit.
@@ -61,14 +60,14 @@ pub(super) struct Offsets {
 
 impl Offsets {
     /// Log likelihood ratio of each of `count` components, true against wrong, nats.
-    pub(super) fn ratios(&mut self, count: usize) -> impl Iterator<Item = f32> {
+    pub(super) fn ratios(&mut self, count: usize, model: &Model) -> impl Iterator<Item = f32> {
         let Self { parts, of_components: offsets } = self;
         offsets.clear();
         offsets.resize(count, Offset::default());
         for part in &*parts {
             let own = &mut offsets[part.component as usize];
-            own.weighted += part.weight() * part.field_variance;
-            own.weight += part.weight();
+            own.weighted += part.weight(model) * part.field_variance;
+            own.weight += part.weight(model);
         }
         for own in &mut *offsets {
             own.variance = (own.weighted / own.weight.max(f32::MIN_POSITIVE)).max(MIN_VARIANCE);
@@ -78,11 +77,11 @@ impl Offsets {
             offsets.iter_mut().for_each(|own| (own.weighted, own.weight) = (0.0, 0.0));
             for part in &*parts {
                 let own = &mut offsets[part.component as usize];
-                let variance = part.moments.variance_within();
+                let variance = part.moments.variance_within(model);
                 let off = part.moments.mean - own.mean;
                 let robust = if round == 0 { 1.0 } else { student_weight(off * off / variance) };
-                own.weighted += part.weight() * robust / variance * part.moments.mean;
-                own.weight += part.weight() * robust / variance;
+                own.weighted += part.weight(model) * robust / variance * part.moments.mean;
+                own.weight += part.weight(model) * robust / variance;
             }
             for own in &mut *offsets {
                 let prior =
@@ -93,7 +92,7 @@ impl Offsets {
         offsets.iter_mut().for_each(|own| own.ratio = -student_cost(own.mean * own.mean / own.variance));
         for part in &*parts {
             let own = &mut offsets[part.component as usize];
-            own.ratio += part.weight() * part.moments.ratio_within(own.mean);
+            own.ratio += part.weight(model) * part.moments.ratio_within(own.mean, model);
         }
         offsets.iter().map(|own| own.ratio)
     }
@@ -111,7 +110,7 @@ mod tests {
             field_variance: field_sd * field_sd,
         };
         let mut offsets = Offsets { parts: means.iter().map(part).collect(), ..Offsets::default() };
-        offsets.ratios(1).next().unwrap()
+        offsets.ratios(1, &Model::USUAL).next().unwrap()
     }
 
     #[test]
@@ -141,6 +140,6 @@ mod tests {
 
     #[test]
     fn components_without_parts_have_no_evidence() {
-        assert!(Offsets::default().ratios(2).eq([0.0, 0.0]));
+        assert!(Offsets::default().ratios(2, &Model::USUAL).eq([0.0, 0.0]));
     }
 }

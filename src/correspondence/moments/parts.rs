@@ -2,29 +2,20 @@
 //!
 //! ```text
 //! unite neighbouring nodes with one label: components
-//! ratio of a component = Σ ratio of its nodes about its offset + ratio of that offset
+//! ratio of a component = Σ ratio of its nodes about its offset
 //! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree
 //! ```
 
 use super::evidence::Fit;
 use super::field;
 use super::learned::Learned;
-use super::likelihood::{FLOOR_NATS, ratio_of_offset};
-use super::nodes::{NONE, NOTHING, Node, Nodes};
-use super::phase_runs::PhaseRuns;
-use super::{OFFSET_SD, Part, Pixels, Scratch};
-use crate::correspondence::neighbourhood::MAX_STEP;
+use super::nodes::{NONE, NOTHING, Node};
+use super::{Part, Scratch};
 use crate::correspondence::view::View;
-
-/// Least ratio of a component of nodes to be looked at, nats. Where another order fits the samples of a node better by as
-/// much than the one that its neighbours agree on, the node holds two surfaces, and is left to smaller tiles.
-const LOOK_NATS: f32 = 6.0;
-/// Fewest decided neighbours that a node continues.
-const MIN_CONTACTS: u32 = 2;
 
 impl Scratch {
     /// Makes parts of the nodes whose component is founded well enough to be looked at.
-    pub(super) fn keep(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: &Pixels<'_>) {
+    pub(super) fn keep(&mut self, view: View<'_>, level: u8, learned: &Learned) {
         let Self { runs, nodes, evidence, sets, set_of, sums, parts, part_of, offsets, .. } = self;
         let all = &nodes.nodes;
         sets.reset(all.iter().map(|_| 1));
@@ -47,32 +38,26 @@ impl Scratch {
                 sum[1] += fit.moments.count;
             }
         }
-        for sum in &mut *sums {
-            sum[0] /= sum[1].max(1.0);
-            sum[2] = ratio_of_offset(sum[0], OFFSET_SD);
-        }
+        sums.iter_mut().for_each(|sum| sum[0] /= sum[1].max(1.0));
+        let model = view.model;
         let widths = learned.widths_beside(level);
         for (i, node) in all.iter().enumerate().filter(|(_, node)| is_judged(node)) {
             let offset = sums[set_of[i]][0];
-            let nats = evidence.fit(i, node.label).map_or(node.ratio, |fit| fit.moments.ratio(offset, &widths));
+            let nats = evidence.fit(i, node.label).map_or(node.ratio, |fit| fit.moments.ratio(offset, &widths, model));
             sums[set_of[i]][2] += nats;
         }
         // A component that continues a surface decided in larger tiles needs no foundation of its own.
-        if level > 0 {
-            for (i, node) in all.iter().enumerate().filter(|(_, node)| is_judged(node)) {
-                if continues_decided(view, runs, nodes, node, pixels) {
-                    sums[set_of[i]][2] += LOOK_NATS;
-                }
-            }
+        for (i, _) in all.iter().enumerate().filter(|(_, node)| is_judged(node) && node.label == node.continued) {
+            sums[set_of[i]][2] += model.look_nats;
         }
         part_of.clear();
         offsets.clear();
         for (i, node) in all.iter().enumerate() {
             let offset = sums[set_of[i]][0];
-            let own = evidence.fit(i, node.label).map_or(0.0, |fit| fit.moments.ratio(offset, &widths));
+            let own = evidence.fit(i, node.label).map_or(0.0, |fit| fit.moments.ratio(offset, &widths, model));
             let best = evidence.fits_of(i).iter().fold(0.0_f32, |best, fit| best.max(fit.ratio));
-            let is_own = own > 0.0 && own >= best - LOOK_NATS;
-            let stands = is_judged(node) && is_own && sums[set_of[i]][2] >= LOOK_NATS;
+            let is_own = own > 0.0 && own >= best - model.look_nats;
+            let stands = is_judged(node) && is_own && sums[set_of[i]][2] >= model.look_nats;
             offsets.push(0.0);
             part_of.push(if stands { parts.len() as u32 } else { NONE });
             if !stands {
@@ -93,31 +78,18 @@ impl Scratch {
             let field_variance = learned.uncertainty.variance(view.table, pixel, column_px);
             let others = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
             let other = others.fold(0.0_f32, |most, fit| most.max(fit.ratio));
-            let odds = moments.map_or(FLOOR_NATS, |moments| moments.ratio(0.0, &widths)) - other;
-            let remains = |fit: &&Fit| fit.is_inside && fit.ratio >= own.max(LOOK_NATS) - LOOK_NATS;
+            let odds = moments.map_or(model.floor_nats, |moments| moments.ratio(0.0, &widths, model)) - other;
+            let remains = |fit: &&Fit| fit.is_inside && fit.ratio >= own.max(model.look_nats) - model.look_nats;
             let candidates = evidence.fits_of(i).iter().filter(remains).count().clamp(1, 255) as u8;
-            parts.push(Part { level, offset: offsets[i], moments, odds, candidates, field_variance });
+            parts.push(Part {
+                level,
+                surface: node.surface,
+                offset: offsets[i],
+                moments,
+                odds,
+                candidates,
+                field_variance,
+            });
         }
     }
-}
-
-/// Whether pixels beside a node were decided, and its absolute phases continue theirs.
-fn continues_decided(view: View<'_>, runs: &PhaseRuns, nodes: &Nodes, node: &Node, pixels: &Pixels<'_>) -> bool {
-    let (width, phase) = (view.cam1.width, &view.cam1.phase);
-    let mut contacts = 0;
-    for piece in nodes.pieces_of(node) {
-        for u in piece.columns() {
-            let pixel = piece.v as usize * width + u;
-            let order = node.order(piece.offset + i32::from(runs.relative[pixel]));
-            let own = (order << 16) + i32::from(phase[pixel]);
-            let beside = [(u > 0).then(|| pixel - 1), (u + 1 < width).then(|| pixel + 1)];
-            let rows = [pixel.checked_sub(width), Some(pixel + width)];
-            for other in beside.into_iter().chain(rows).flatten() {
-                if pixels.owner.get(other).is_some_and(|owner| *owner != NONE) {
-                    contacts += u32::from((pixels.absolute(view, other) - own).abs() <= MAX_STEP);
-                }
-            }
-        }
-    }
-    contacts >= MIN_CONTACTS
 }

@@ -18,13 +18,9 @@ use crate::correspondence::bands::BAND_ROWS;
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::runs::{Runs, Union, divide_at_marks};
 use crate::correspondence::segment_table::SegmentTable;
+use crate::correspondence::view::View;
 use crate::phase::PhaseMap;
 
-/// Bend of the phase, turns · 65536 (0.034 turns), beyond which a surface ends if both sides of a step bend so. Beside
-/// a single spoilt pixel, one side alone bends.
-pub(super) const MAX_BEND: u16 = 2200;
-/// Greatest step from row to row at which runs are united, turns · 65536.
-const MAX_ROW_STEP: u16 = 9000;
 /// Fewest pixels that unite two runs.
 const MIN_SHARED_PX: u32 = 3;
 
@@ -53,7 +49,8 @@ pub(super) struct RowScratch {
 
 impl PhaseRuns {
     /// Finds the runs of the pixels with a segment, and unites them.
-    pub(super) fn find(&mut self, cam1: &PhaseMap, table: &SegmentTable, max_bend: u16) {
+    pub(super) fn find(&mut self, View { cam1, table, model, .. }: View<'_>, max_bend: u16) {
+        let max_row_step = (65536.0 * model.max_row_step_turns) as u16;
         let (width, height) = (cam1.width.max(1), cam1.height);
         let Self { runs, relative, surfaces } = self;
         relative.resize(cam1.phase.len(), 0);
@@ -66,7 +63,8 @@ impl PhaseRuns {
         *surfaces = runs.unite(width, |_, _, overlaps, unions| {
             for (runs, shared) in overlaps.filter(|(_, shared)| shared.len() >= MIN_SHARED_PX as usize) {
                 let rows = [shared.start - width..shared.end - width, shared];
-                let order_step = fringeflow_simd::run(Level::in_use(), UniteKernel { cam1, relative, rows });
+                let order_step =
+                    fringeflow_simd::run(Level::in_use(), UniteKernel { cam1, relative, rows, max_row_step });
                 unions.extend(order_step.map(|order_step| Union { runs, order_step }));
             }
         });
@@ -152,6 +150,7 @@ struct UniteKernel<'a> {
     cam1: &'a PhaseMap,
     relative: &'a [i16],
     rows: [Range<usize>; 2],
+    max_row_step: u16,
 }
 
 impl Kernel for UniteKernel<'_> {
@@ -159,7 +158,7 @@ impl Kernel for UniteKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> Option<i32> {
-        let Self { cam1, relative, rows: [above, below] } = self;
+        let Self { cam1, relative, rows: [above, below], max_row_step } = self;
         let count = above.len();
         let (phase_above, phase_below) = (&cam1.phase[above.clone()][..count], &cam1.phase[below.clone()][..count]);
         let (of_above, of_below) = (&relative[above][..count], &relative[below][..count]);
@@ -168,7 +167,7 @@ impl Kernel for UniteKernel<'_> {
             let up = i16::from((step > 0) & (phase_below[i] < phase_above[i]));
             let down = i16::from((step < 0) & (phase_below[i] > phase_above[i]));
             let order_step = of_above[i].wrapping_sub(of_below[i]).wrapping_add(up - down);
-            (step.unsigned_abs() <= MAX_ROW_STEP, order_step)
+            (step.unsigned_abs() <= max_row_step, order_step)
         };
         // A guess from one pixel, then a count of the pixels that agree.
         let guess =

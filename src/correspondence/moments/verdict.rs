@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use super::confidence::Grounds;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
+use super::model::Step;
 use super::nodes::NONE;
 use super::offsets::{self, Offsets, PartMean};
 use super::{Part, Pixels};
@@ -25,21 +26,11 @@ use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// Exponent of the share of free places: its density for a true surface is (1 + e)·shareᵉ. That of a wrong surface is
-/// uniform where it is contested at all; a wrong surface may also lie where no other one claims places, so that many free
-/// places are no evidence for a surface.
-const FREE_EXPONENT: f32 = 8.0;
-/// ln(1 + e).
-const LN_FREE: f32 = 2.197_224_6;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
 /// Reach of the places around a contested one, in which claims are counted, pixels, and exponent of their share.
 const CLAIM_REACH: isize = 2;
-const CLAIM_EXPONENT: f32 = 4.0;
-
-/// What it is worth that a surface is the nearer one of two, nats.
-const NEARER_NATS: f32 = 1.5;
 
 /// What is known of a component.
 #[derive(Clone, Copy, Debug, Default)]
@@ -102,7 +93,9 @@ impl Verdict {
         self.judge_means(view, parts, pixels);
         self.find_costs(view, parts, learned, pixels);
         self.find_places(view, pixels);
-        self.count_free_places(view, pixels);
+        if view.model.does(Step::FreePlaces) {
+            self.count_free_places(view, pixels);
+        }
     }
 
     /// Forms components of the decided pixels, and computes their ratios from the means of δ alone.
@@ -123,11 +116,11 @@ impl Verdict {
         for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
             let own = &mut components[component_of[i] as usize];
             own.size_px += sizes[i];
-            own.weight += offsets::weight(sizes[i]);
+            own.weight += offsets::weight(sizes[i], view.model);
             let (component, size_px, field_variance) = (component_of[i], sizes[i], part.field_variance);
             offsets.parts.extend(part.moments.map(|moments| PartMean { component, size_px, moments, field_variance }));
         }
-        for (own, ratio) in components.iter_mut().zip(offsets.ratios(count)) {
+        for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
     }
@@ -219,8 +212,9 @@ impl Verdict {
             counts[own as usize][1] += u32::from(is_taken);
         }
         for (own, [all, taken]) in components.iter_mut().zip(&*counts).filter(|(_, [all, _])| *all > 0) {
+            let exponent = view.model.free_exponent;
             let free = (1.0 - *taken as f32 / *all as f32).max(MIN_FREE);
-            own.nats += own.weight * (LN_FREE + FREE_EXPONENT * ln(free)).min(0.0);
+            own.nats += own.weight * (ln(1.0 + exponent) + exponent * ln(free)).min(0.0);
         }
     }
 
@@ -273,14 +267,14 @@ impl Verdict {
                 }
             }
             let all = (2 * CLAIM_REACH + 1) * (2 * CLAIM_REACH + 1);
-            CLAIM_EXPONENT * ln(count.max(1) as f32 / all as f32)
+            view.model.claim_exponent * ln(count.max(1) as f32 / all as f32)
         };
         let founded = |pixel: u32| self.founded(pixel as usize, pixels.owner[pixel as usize], density(pixel));
         lost.clear();
         for &[pixel, owner] in &contested {
             // Of two surfaces that are founded alike, the nearer one hides the other from C2.
             let is_nearer = view.table.nearness_to_cam2(pixel as usize) > view.table.nearness_to_cam2(owner as usize);
-            let nearer = if is_nearer { NEARER_NATS } else { -NEARER_NATS };
+            let nearer = if is_nearer { view.model.nearer_nats } else { -view.model.nearer_nats };
             lost.push(if founded(pixel) + nearer > founded(owner) { owner } else { pixel });
         }
         lost.sort_unstable();

@@ -15,6 +15,7 @@ use crate::phase::PhaseMap;
 use super::candidates::{Candidate, DeltaGate, keep_best_of_place, scan_segment};
 use super::epipolar_image::EpipolarImage;
 use super::kernels::BLOCK;
+use super::moments::Model;
 use super::neighbourhood::{ABSENT, TURN};
 use super::pool::Pool;
 use super::row_view::RowView;
@@ -56,7 +57,7 @@ pub fn find_unique_candidates(
 ) -> UniqueCandidates {
     let mut unique = UniqueCandidates::default();
     let rows: Vec<_> = (0..cam1.height).map(Some).collect();
-    unique.find(Search { view: View { cam1, cam2, table }, gate }, &rows);
+    unique.find(Search { view: View { cam1, cam2, table, model: &Model::USUAL }, gate }, &rows);
     unique
 }
 

@@ -5,6 +5,9 @@
 //! 2π·k·r, where r is the place of the projector on the base. So the same orders survive over the whole image. Here
 //! each case (pixel, depth, tilt of the surface) is computed exactly: along the epipolar line on the surface to the
 //! point that C2 sees with the same wrapped phase, back to the ray of C1, and into the projector.
+//!
+//! A wrong order whose δ also has no slope looks like the true one over a whole part of a surface. Each case is
+//! computed at two pixels, and both δ are compared.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::AddAssign;
@@ -25,6 +28,10 @@ const TILTS_DEG: [f64; 5] = [-40.0, -20.0, 0.0, 20.0, 40.0];
 const FACING: usize = 2;
 /// Number of steps of the secant method after which the search for a phase gives up.
 const MAX_SECANT_STEPS: usize = 12;
+/// Distance of the two pixels between which the slope of δ is measured, pixels: half a tile of the order decision.
+pub(super) const SLOPE_DISTANCE_PX: f64 = 8.0;
+/// Slope of δ over this distance up to which a wrong order looks like a true one, rad.
+const LIKE_TRUE_RAD: f64 = 0.03;
 /// Phase error at convergence, periods.
 const PHASE_TOLERANCE: f64 = 1e-8;
 
@@ -37,6 +44,8 @@ pub struct Tooth {
     pub present_share: f64,
     /// Share of the cases in which it also survives |δ| < thr.
     pub surviving_share: f64,
+    /// Share of the cases in which δ also has no slope along the surface.
+    pub like_true_share: f64,
     /// Mean of |δ| over the cases with this candidate, rad; 0 if there are none.
     pub mean_abs_delta_rad: f64,
     /// |2π·order·r|, wrapped: the value for a distant flat surface, rad.
@@ -52,8 +61,20 @@ pub struct Comb {
     pub survivors: f64,
     /// The same on surfaces that face the rig: the worst case for a projector near the middle of the base.
     pub survivors_facing: f64,
+    /// Wrong candidates per true one that look like it over a part of the surface, for each tilt, degrees.
+    pub like_true: Vec<(f64, f64)>,
     /// One entry for each order from −K to K except 0.
     pub teeth: Vec<Tooth>,
+}
+
+/// Sums over the cases of a wrong order.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    present: u64,
+    surviving: u64,
+    like_true: u64,
+    /// Sum of |δ|, periods.
+    abs_delta_turns: f64,
 }
 
 /// Sums over the cases of one or more pixels.
@@ -62,13 +83,20 @@ pub(super) struct Tally {
     cases: u64,
     /// Cases and survivors of surfaces that face the rig.
     facing: (u64, u64),
-    /// For orders 1, −1, 2, −2 and so on: present, surviving, sum of |δ| in periods.
-    orders: Vec<(u64, u64, f64)>,
+    /// Cases of each tilt, and wrong orders in them that look like the true one.
+    tilts: [(u64, u64); TILTS_DEG.len()],
+    /// For orders 1, −1, 2, −2 and so on.
+    orders: Vec<Count>,
 }
 
 impl Tally {
     pub(super) fn new(max_order: i32) -> Self {
-        Self { cases: 0, facing: (0, 0), orders: vec![(0, 0, 0.0); 2 * max_order.unsigned_abs() as usize] }
+        Self {
+            cases: 0,
+            facing: (0, 0),
+            tilts: Default::default(),
+            orders: vec![Count::default(); 2 * max_order.unsigned_abs() as usize],
+        }
     }
 
     /// Survivors per case; `None` if there is no case.
@@ -77,18 +105,24 @@ impl Tally {
     }
 
     fn surviving(&self) -> u64 {
-        self.orders.iter().map(|o| o.1).sum()
+        self.orders.iter().map(|count| count.surviving).sum()
     }
 
     fn max_order(&self) -> i32 {
         (self.orders.len() / 2) as i32
     }
 
-    fn add_candidate(&mut self, order: i32, abs_delta_turns: f64, threshold_turns: f64) {
-        let (present, surviving, sum) = &mut self.orders[order_index(order)];
-        *present += 1;
-        *surviving += u64::from(abs_delta_turns < threshold_turns);
-        *sum += abs_delta_turns;
+    /// Adds a candidate with this δ, and with this one beside, turns.
+    fn add_candidate(&mut self, tilt: usize, order: i32, delta: f64, beside: Option<f64>, threshold_turns: f64) {
+        let count = &mut self.orders[order_index(order)];
+        let survives = delta.abs() < threshold_turns;
+        let slope = beside.map(|beside| beside - delta).map(|rise| TAU * (rise - rise.round()).abs());
+        let is_like_true = survives && slope.is_some_and(|slope| slope < LIKE_TRUE_RAD);
+        count.present += 1;
+        count.surviving += u64::from(survives);
+        count.like_true += u64::from(is_like_true);
+        count.abs_delta_turns += delta.abs();
+        self.tilts[tilt].1 += u64::from(is_like_true);
     }
 }
 
@@ -97,7 +131,13 @@ impl AddAssign<&Self> for Tally {
         self.cases += other.cases;
         self.facing = (self.facing.0 + other.facing.0, self.facing.1 + other.facing.1);
         for (mine, theirs) in self.orders.iter_mut().zip(&other.orders) {
-            *mine = (mine.0 + theirs.0, mine.1 + theirs.1, mine.2 + theirs.2);
+            mine.present += theirs.present;
+            mine.surviving += theirs.surviving;
+            mine.like_true += theirs.like_true;
+            mine.abs_delta_turns += theirs.abs_delta_turns;
+        }
+        for (mine, theirs) in self.tilts.iter_mut().zip(&other.tilts) {
+            *mine = (mine.0 + theirs.0, mine.1 + theirs.1);
         }
     }
 }
@@ -130,8 +170,8 @@ impl<'a> Cases<'a> {
         }
     }
 
-    /// Computes the tally of one pixel.
-    pub(super) fn pixel_tally(&self, segment: &Segment) -> Tally {
+    /// Computes the tally of one pixel, with the segment of one beside it.
+    pub(super) fn pixel_tally(&self, segment: &Segment, beside: Option<&Segment>) -> Tally {
         let mut tally = Tally::new(self.max_order);
         for point in DEPTH_SHARES.map(|share| segment.at_share(share)) {
             let Some(phase) = self.setup.lit_phase_turns(&point).filter(|_| self.setup.cam2_sees(&point)) else {
@@ -139,7 +179,7 @@ impl<'a> Cases<'a> {
             };
             for (tilt, &normal) in self.normals.iter().enumerate() {
                 let before = (tally.cases, tally.surviving());
-                self.add_case(&mut tally, segment, &Surface { point, normal }, phase);
+                self.add_case(&mut tally, tilt, [Some(segment), beside], &Surface { point, normal }, phase);
                 if tilt == FACING {
                     tally.facing.0 += tally.cases - before.0;
                     tally.facing.1 += tally.surviving() - before.1;
@@ -150,26 +190,50 @@ impl<'a> Cases<'a> {
     }
 
     /// Adds one case: the flat `surface` through the true point. `phase` is the phase of that point, periods.
-    fn add_case(&self, tally: &mut Tally, segment: &Segment, surface: &Surface, phase: f64) {
+    fn add_case(
+        &self,
+        tally: &mut Tally,
+        tilt: usize,
+        [segment, beside]: [Option<&Segment>; 2],
+        surface: &Surface,
+        phase: f64,
+    ) {
         if !surface.has_all_on_one_side(&self.eyes) {
             return;
         }
-        let Some(trace) = Trace::new(self, segment, surface, phase) else { return };
+        let Some(deltas) = segment.and_then(|segment| self.deltas(segment, surface, phase)) else { return };
         tally.cases += 1;
+        tally.tilts[tilt].0 += 1;
+        let beside = beside.and_then(|segment| {
+            let point = surface.intersection(&Point3::origin(), &segment.at_share(0.5))?;
+            let phase = self.setup.lit_phase_turns(&point)?;
+            self.deltas(segment, &Surface { point, ..*surface }, phase)
+        });
+        for (order, delta) in deltas {
+            let same = beside.iter().flatten().find(|(other, _)| *other == order);
+            tally.add_candidate(tilt, order, delta, same.map(|(_, delta)| *delta), self.threshold_turns);
+        }
+    }
+
+    /// δ of the wrong orders of a pixel that sees a flat surface, turns. `phase` is the phase of its true point, periods.
+    fn deltas(&self, segment: &Segment, surface: &Surface, phase: f64) -> Option<Vec<(i32, f64)>> {
+        let trace = Trace::new(self, segment, surface, phase)?;
+        let mut deltas = Vec::new();
         for sense in [1, -1] {
             // The place of the last candidate is the start of the search for the next order.
             let mut place_m = 0.0;
             // Phase and depth are monotone along the trace: after the first missing candidate there are no more.
-            for order in (1..=tally.max_order()).map(|k| sense * k) {
+            for order in (1..=self.max_order).map(|k| sense * k) {
                 let Some((found_m, candidate)) = trace.candidate(self, segment, place_m, f64::from(order)) else {
                     break;
                 };
                 place_m = found_m;
                 let Some(back) = self.setup.lit_phase_turns(&candidate) else { break };
                 let delta = back - phase;
-                tally.add_candidate(order, (delta - delta.round()).abs(), self.threshold_turns);
+                deltas.push((order, delta - delta.round()));
             }
         }
+        Some(deltas)
     }
 }
 
@@ -245,19 +309,22 @@ pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
     let max_order = tally.max_order();
     let cases = tally.cases as f64;
     let tooth = |order: i32| {
-        let (present, surviving, sum) = tally.orders[order_index(order)];
+        let Count { present, surviving, like_true, abs_delta_turns } = tally.orders[order_index(order)];
         Tooth {
             order,
             present_share: present as f64 / cases,
             surviving_share: surviving as f64 / cases,
-            mean_abs_delta_rad: if present == 0 { 0.0 } else { TAU * sum / present as f64 },
+            like_true_share: like_true as f64 / cases,
+            mean_abs_delta_rad: if present == 0 { 0.0 } else { TAU * abs_delta_turns / present as f64 },
             approximate_abs_delta_rad: wrapped(TAU * f64::from(order) * place_on_base).abs(),
         }
     };
     let teeth = (-max_order..=max_order).filter(|&order| order != 0).map(tooth).collect();
     let (facing_cases, facing_surviving) = tally.facing;
     let survivors_facing = facing_surviving as f64 / facing_cases.max(1) as f64;
-    Some(Comb { cases: tally.cases, survivors, survivors_facing, teeth })
+    let like_true = TILTS_DEG.iter().zip(&tally.tilts);
+    let like_true = like_true.map(|(tilt_deg, (cases, alike))| (*tilt_deg, *alike as f64 / *cases.max(&1) as f64));
+    Some(Comb { cases: tally.cases, survivors, survivors_facing, like_true: like_true.collect(), teeth })
 }
 
 /// Wraps an angle to [−π, π).

@@ -1,5 +1,6 @@
 //! Evaluates a rig over a grid of pixels, row by row.
 
+use nalgebra::Vector2;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -79,7 +80,7 @@ impl Evaluation {
 }
 
 /// Figures of a pixel that do not depend on the threshold.
-type PixelBasics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
+type PixelBasics = (Option<SegmentPeriods>, Option<PixelDeviation>);
 
 /// Evaluates a rig over every `grid_step_px`-th pixel.
 pub(super) fn evaluate(
@@ -91,15 +92,17 @@ pub(super) fn evaluate(
     let surface = Surface::facing(setup, setup.centre_cam1());
     let grid = segment::grid(&setup.rig.cam1, grid_step_px);
     let basics = by_row(&grid, |pixel| basics(setup, assumptions, &surface, pixel));
-    let periods = segment::summary(&basics.iter().filter_map(|b| b.1).collect::<Vec<_>>()).ok_or(nothing)?;
-    let deviations: Vec<_> = basics.iter().filter_map(|b| b.2).collect();
+    let periods = segment::summary(&basics.iter().filter_map(|b| b.0).collect::<Vec<_>>()).ok_or(nothing)?;
+    let deviations: Vec<_> = basics.iter().filter_map(|b| b.1).collect();
     let deviation = deviation::summary(assumptions, &deviations).ok_or(nothing)?;
 
     let max_order = periods.max.max(periods.orders_spanned_max).ceil().clamp(1.0, MAX_ORDERS) as i32;
     let cases = Cases::new(setup, deviation.threshold_rad, max_order);
-    let segments: Vec<Vec<Option<Segment>>> =
-        basics.chunks(grid[0].len()).map(|row| row.iter().map(|b| b.0).collect()).collect();
-    let tallies = by_row(&segments, |segment| segment.map(|s| cases.pixel_tally(&s)));
+    let along = epipolar_direction(setup) * comb::SLOPE_DISTANCE_PX;
+    let tallies = by_row(&grid, |pixel| {
+        let beside = Segment::new(setup, &(pixel + along));
+        Segment::new(setup, pixel).map(|segment| cases.pixel_tally(&segment, beside.as_ref()))
+    });
     let mut total = Tally::new(max_order);
     tallies.iter().flatten().for_each(|tally| total += tally);
     let comb = comb::summary(&total, setup.rig.projector_place_on_base()).ok_or(nothing)?;
@@ -110,7 +113,7 @@ pub(super) fn evaluate(
         grid_step_px,
         efc,
         puc_percent: expected_unique_percent(efc),
-        periods_map: map(basics.iter().map(|b| b.1.map(|p| p.seen)).collect()),
+        periods_map: map(basics.iter().map(|b| b.0.map(|p| p.seen)).collect()),
         survivors_map: map(tallies.iter().map(|t| t.as_ref().and_then(Tally::survivors)).collect()),
         periods,
         deviation,
@@ -118,10 +121,19 @@ pub(super) fn evaluate(
     })
 }
 
+/// Direction of the epipolar lines in the middle of C1, a unit vector of pixels.
+fn epipolar_direction(setup: &RigSetup) -> Vector2<f64> {
+    let centre = setup.centre_cam1();
+    let towards_cam2 = centre + 1e-3 * setup.rig.centre_of_cam2().coords;
+    let pixels = [centre, towards_cam2].map(|point| setup.rig.cam1.project(&point));
+    let direction = pixels[0].zip(pixels[1]).and_then(|(from, to)| (to - from).try_normalize(0.0));
+    direction.unwrap_or_else(Vector2::x)
+}
+
 fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> PixelBasics {
-    let Some(segment) = Segment::new(setup, pixel) else { return (None, None, None) };
+    let Some(segment) = Segment::new(setup, pixel) else { return (None, None) };
     let periods = segment::periods(setup, &segment, surface);
-    (Some(segment), periods, deviation::at(setup, assumptions, &segment))
+    (periods, deviation::at(setup, assumptions, &segment))
 }
 
 /// Maps all cells of a grid, with rows in parallel. The results are in the order of the cells.

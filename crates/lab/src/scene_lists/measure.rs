@@ -128,7 +128,7 @@ impl MeasuredScene {
 }
 
 /// The images of one cloud.
-struct Window {
+pub(super) struct Window {
     /// Phase shifts of a cycle, rad.
     shifts: PhaseShifts,
     /// Index of the first image in the cycle.
@@ -140,7 +140,7 @@ struct Window {
 impl Window {
     /// Takes the images: one cycle, and with motion as many more as the method usually takes, around the moment of the
     /// truth.
-    fn take(scene: &ListedScene, simulation: &Simulation) -> Result<Self, SceneError> {
+    pub(super) fn take(scene: &ListedScene, simulation: &Simulation) -> Result<Self, SceneError> {
         let steps = scene.options.steps;
         let (all, count) = match scene.staging.motion {
             Some(motion) => (steps * motion.cycles, Settings::default().window_images(steps)),
@@ -157,7 +157,7 @@ impl Window {
     }
 
     /// Finds the cloud with these settings and compares it with the truth.
-    fn measure(
+    pub(super) fn measure(
         &self,
         simulation: &Simulation,
         table: SegmentTable,

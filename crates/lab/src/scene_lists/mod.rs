@@ -15,11 +15,13 @@ mod draw;
 mod kind;
 mod layout;
 mod measure;
+mod sensitivity;
 
 pub use draw::ListedScene;
 pub use kind::SceneKind;
 pub use layout::Layout;
 pub use measure::{MeasuredScene, SceneError, SceneFigures, measure_all};
+pub use sensitivity::{Change, FACTOR, Sensitivity, measure_sensitivity};
 
 /// A list of scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]

@@ -23,6 +23,7 @@ const FORMS: &[Form] = &[
     form("evaluate", &["--paper"]),
     form("evaluate", &["--sweep", "-o", "out"]),
     form("evaluate", &["--scenes", "build"]),
+    form("evaluate", &["--scenes", "build", "--sensitivity"]),
     form("export", &["a.mcap", "-o", "a.ply"]),
     form("export", &["a.mcap", "-o", "out"]),
     form("export", &["a.mcap", "-o", "out", "--images"]),

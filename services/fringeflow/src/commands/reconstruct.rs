@@ -92,7 +92,8 @@ impl Args {
             serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {
-            writeln!(out, "{}: {points} points in {}", input.setup().name, self.output.display())?;
+            let note = statistics.as_ref().and_then(Statistics::outside_note).unwrap_or_default();
+            writeln!(out, "{}: {points} points in {}{note}", input.setup().name, self.output.display())?;
             if let Some(statistics) = statistics {
                 write!(out, "{statistics}")?;
             }

@@ -14,7 +14,7 @@ use crate::correspondence::view::View;
 /// Gives every pixel without a correspondence its reason: no phase, no segment, the phase does not occur on the
 /// segment, or no candidate passes the test. `scratches` holds rows of segments.
 pub(super) fn explain_missing(
-    View { cam1, cam2, table }: View<'_>,
+    View { cam1, cam2, table, .. }: View<'_>,
     outcomes: &mut [Outcome],
     scratches: &Pool<SegmentRow>,
 ) {

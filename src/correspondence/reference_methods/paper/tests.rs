@@ -4,6 +4,7 @@ use super::*;
 use crate::correspondence::candidates::Candidate;
 use crate::correspondence::delta_statistics::DeltaStatistics;
 use crate::correspondence::epipolar_image::EpipolarImage;
+use crate::correspondence::moments::Model;
 use crate::correspondence::neighbourhood::neighbours;
 use crate::correspondence::reference_methods::test_scene::{PATTERN, Scene as Plane};
 use crate::correspondence::reference_methods::{ReferenceMatch, match_along_epipolar_lines};
@@ -42,7 +43,7 @@ impl Seen {
 
     fn scene(&self) -> Scene<'_> {
         let Self { cam1, cam2, table, delta, settings, .. } = self;
-        Scene { view: View { cam1, cam2, table }, delta, settings }
+        Scene { view: View { cam1, cam2, table, model: &Model::USUAL }, delta, settings }
     }
 
     fn gates(&self) -> [DeltaGate; 2] {

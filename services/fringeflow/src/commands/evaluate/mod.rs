@@ -76,6 +76,11 @@ pub(crate) struct Args {
     /// With --scenes: measure only scenes of this kind, layout or object.
     #[arg(long, value_name = "KIND", value_parser = PossibleValuesParser::new(scenes::names()))]
     only: Option<String>,
+    /// With --scenes: measure the scenes with each constant of the order decision multiplied and divided by 1.5, and
+    /// with each of its steps left out. Prints what each is worth; with --output it writes that as sensitivity.md. Takes
+    /// several seconds a scene, so give --take.
+    #[arg(long)]
+    sensitivity: bool,
     /// Folder for the files of --sweep, --paper or --scenes.
     #[arg(short, long, alias = "out", value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -124,7 +129,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
             Mode {
                 name: "with --scenes",
                 is_chosen: |args| args.scenes.is_some(),
-                options: &["scenes", "take", "only", "output"],
+                options: &["scenes", "take", "only", "sensitivity", "output"],
             },
             Mode {
                 name: "with an INPUT",
@@ -135,6 +140,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         &[
             Mode { name: "with --sweep", is_chosen: |args| args.sweep, options: &[] },
             Mode { name: "with --paper", is_chosen: |args| args.paper, options: &[] },
+            Mode { name: "with --sensitivity", is_chosen: |args| args.sensitivity, options: &[] },
             Mode { name: "with --scenes", is_chosen: |args| args.scenes.is_some(), options: &["resolution"] },
             Mode { name: "with an INPUT", is_chosen: |_| true, options: PROPOSED_OPTIONS },
         ],
@@ -159,6 +165,7 @@ impl Args {
                 self.proposed.resolution(),
                 self.take,
                 self.only.as_deref(),
+                self.sensitivity,
                 self.output.as_deref(),
                 self.json,
             );

@@ -54,7 +54,8 @@ pub(super) fn print(set: &str, args: &Args, output: &MethodOutput, evaluation: &
         serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
         return Ok(writeln!(out)?);
     }
-    writeln!(out, "{}", text(set, scores))?;
+    let note = statistics.as_ref().and_then(Statistics::outside_note).unwrap_or_default();
+    writeln!(out, "{}", text(set, scores, &note))?;
     if let (Some(right), Some(sd)) = (unique.unique_correct_percent, unique.correct_delta_sd_rad) {
         writeln!(
             out,
@@ -112,12 +113,13 @@ fn reliability_line(parts: &[ReliabilityPart]) -> Option<String> {
     ))
 }
 
-fn text(set: &str, s: &Scores) -> String {
+/// The scores. `note` is what the first line adds.
+fn text(set: &str, s: &Scores, note: &str) -> String {
     let outliers = s.outliers_percent.map(|o| format!("\noutliers    {o:9.4} %")).unwrap_or_default();
     let interior = s.interior_percent.map(|i| format!("\ninterior    {i:9.4} %")).unwrap_or_default();
     let millimetres = |metres: Option<f64>| metres.map_or_else(|| "–".to_owned(), |m| format!("{:.4} mm", m * 1e3));
     format!(
-        "{set}: {} points, {} reference correspondences, {} unjudged points\n\
+        "{set}: {} points, {} reference correspondences, {} unjudged points{note}\n\
          com         {:9.4} %{interior}\nmiss        {:9.4} %\nfpc         {:9.4} %  (wrong {:.4} %, stray {:.4} %)\
          {outliers}\n\
          3D error    rms {}, median {}",

@@ -124,19 +124,25 @@ fn comb(out: &mut impl Write, comb: &Comb) -> io::Result<()> {
     if surviving.is_empty() {
         return writeln!(out, "  none survives in more than {:.1} % of the cases", 100.0 * MIN_LISTED_SHARE);
     }
-    writeln!(out, "  order   present %   survives %   mean |δ|   |2π·k·r|")?;
+    writeln!(out, "  order   present %   survives %   like true %   mean |δ|   |2π·k·r|")?;
     for tooth in surviving {
         writeln!(
             out,
-            "  {:+5}   {:9.1}   {:10.1}   {:8.3}   {:8.3}",
+            "  {:+5}   {:9.1}   {:10.1}   {:11.1}   {:8.3}   {:8.3}",
             tooth.order,
             100.0 * tooth.present_share,
             100.0 * tooth.surviving_share,
+            100.0 * tooth.like_true_share,
             tooth.mean_abs_delta_rad,
             tooth.approximate_abs_delta_rad
         )?;
     }
-    Ok(())
+    writeln!(
+        out,
+        "  per true point, wrong orders whose δ has no slope either, so that they look like the true one, by tilt:"
+    )?;
+    let by_tilt: Vec<String> = comb.like_true.iter().map(|(tilt, count)| format!("{tilt:+.0}° {count:.3}")).collect();
+    writeln!(out, "  {}", by_tilt.join("   "))
 }
 
 fn advice(out: &mut impl Write, report: &RigReport) -> io::Result<()> {

@@ -3,6 +3,7 @@
 //! See [`fringeflow_lab::scene_lists`]. Only the figures of all scenes are kept; the worst scenes are measured again for
 //! their pictures.
 
+mod sensitivity;
 mod summary;
 mod table;
 mod text;
@@ -65,12 +66,16 @@ pub(super) fn run(
     method: ResolutionMethod,
     take: Option<u16>,
     only: Option<&str>,
+    is_sensitivity: bool,
     folder: Option<&Path>,
     as_json: bool,
 ) -> Result<(), Failure> {
     let chosen = |scene: &ListedScene| only.is_none_or(|name| scene.names().contains(&name));
     let scenes = (0..SCENES).map(|number| list.scene(number)).filter(chosen);
     let scenes: Vec<ListedScene> = scenes.take(take.map_or(SCENES, usize::from)).collect();
+    if is_sensitivity {
+        return sensitivity::run(&scenes, folder, as_json);
+    }
     let bar = progress::bar("scenes", scenes.len() as u64);
     let figures = measure_all(&scenes, method, || bar.inc(1));
     bar.finish_and_clear();
