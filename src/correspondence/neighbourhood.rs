@@ -11,7 +11,6 @@ pub(super) const MAX_STEP: i32 = 24576;
 pub(super) const MAX_STEP_CHANGE: i32 = 4000;
 
 /// The four neighbours of a pixel, as far as they lie in the image.
-#[cfg(test)]
 pub(super) fn neighbours(pixel: usize, width: usize, pixels: usize) -> [Option<usize>; 4] {
     let column = pixel % width;
     [

@@ -173,9 +173,7 @@ impl Statistics {
                 .collect(),
         }
     }
-}
 
-impl Statistics {
     /// What the first line of a result adds where most of the image shows other things than the object.
     pub(crate) fn outside_note(&self) -> Option<String> {
         let share = self.outside_percent;

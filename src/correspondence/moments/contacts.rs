@@ -10,7 +10,7 @@ use super::evidence::{STEPS_PER_NAT, Scores};
 use super::nodes::{LABELS, NONE, NOTHING, Nodes};
 use super::phase_runs::PhaseRuns;
 use super::{Part, Pixels};
-use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::neighbourhood::{MAX_STEP, neighbours};
 use crate::correspondence::view::View;
 
 /// Fewest contacts that count.
@@ -35,10 +35,8 @@ pub(super) fn continue_decided(
             for u in piece.columns() {
                 let pixel = piece.v as usize * width + u;
                 let zero = node.base + piece.offset + i32::from(runs.relative[pixel]);
-                let beside = [(u > 0).then(|| pixel - 1), (u + 1 < width).then(|| pixel + 1)];
-                let rows = [pixel.checked_sub(width), Some(pixel + width)];
-                for other in beside.into_iter().chain(rows).flatten() {
-                    let owner = pixels.owner.get(other).copied().unwrap_or(NONE);
+                for other in neighbours(pixel, width, phase.len()).into_iter().flatten() {
+                    let owner = pixels.owner[other];
                     if owner != NONE && parts[owner as usize].surface == node.surface {
                         let step = i32::from(phase[pixel].wrapping_sub(phase[other]) as i16);
                         let label = ((pixels.absolute(view, other) + step) >> 16) - zero;

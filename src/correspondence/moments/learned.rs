@@ -45,8 +45,6 @@ pub(in crate::correspondence) struct Learned {
     pub(super) uncertainty: Uncertainty,
     /// |δ − field| below which a sample fits, rad.
     pub(super) cap: f32,
-    /// Spread of the mean of a wrong order from one largest tile to the next, rad.
-    wrong_mean_rad: f32,
     /// Whether this is the last round, about the final field.
     pub(super) is_settled: bool,
     /// Mean log likelihood ratio of a pixel by its node, nats.
@@ -135,7 +133,7 @@ impl Learned {
             mean: model.first_mean_rad,
             slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
             wrong_slopes: WRONG_SLOPES,
-            wrong_mean: None,
+            wrong_mean: Some(model.wrong_mean_rad),
         };
         Self {
             field: field.clone(),
@@ -143,7 +141,6 @@ impl Learned {
             widths,
             uncertainty: Uncertainty::default(),
             cap: attempt.first_cap,
-            wrong_mean_rad: model.wrong_mean_rad,
             is_settled: false,
             nats: 0.0,
         }
@@ -163,9 +160,9 @@ impl Learned {
     /// Widths for a node of a level beside another one of its order: slopes are counted per half tile.
     pub(super) fn widths_beside(&self, level: u8) -> Widths {
         let share = 1.0 / f32::from(1_u16 << level);
-        let Widths { mean, slopes, wrong_slopes, .. } = self.widths;
+        let Widths { mean, slopes, wrong_slopes, wrong_mean } = self.widths;
         let [slopes, wrong_slopes] = [slopes, wrong_slopes].map(|widths| widths.map(|width| width * share));
-        Widths { mean, slopes, wrong_slopes, wrong_mean: Some(self.wrong_mean_rad * share) }
+        Widths { mean, slopes, wrong_slopes, wrong_mean: wrong_mean.map(|width| width * share) }
     }
 }
 

@@ -77,35 +77,42 @@ struct Count {
     abs_delta_turns: f64,
 }
 
+/// Sums over the cases of a tilt.
+#[derive(Clone, Copy, Debug, Default)]
+struct TiltCount {
+    cases: u64,
+    surviving: u64,
+    like_true: u64,
+}
+
+impl TiltCount {
+    /// Wrong orders per case, of those counted.
+    fn per_case(&self, count: u64) -> f64 {
+        count as f64 / self.cases.max(1) as f64
+    }
+}
+
 /// Sums over the cases of one or more pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Tally {
-    cases: u64,
-    /// Cases and survivors of surfaces that face the rig.
-    facing: (u64, u64),
-    /// Cases of each tilt, and wrong orders in them that look like the true one.
-    tilts: [(u64, u64); TILTS_DEG.len()],
+    tilts: [TiltCount; TILTS_DEG.len()],
     /// For orders 1, −1, 2, −2 and so on.
     orders: Vec<Count>,
 }
 
 impl Tally {
     pub(super) fn new(max_order: i32) -> Self {
-        Self {
-            cases: 0,
-            facing: (0, 0),
-            tilts: Default::default(),
-            orders: vec![Count::default(); 2 * max_order.unsigned_abs() as usize],
-        }
+        Self { tilts: Default::default(), orders: vec![Count::default(); 2 * max_order.unsigned_abs() as usize] }
     }
 
     /// Survivors per case; `None` if there is no case.
     pub(super) fn survivors(&self) -> Option<f64> {
-        (self.cases > 0).then(|| self.surviving() as f64 / self.cases as f64)
+        let surviving: u64 = self.tilts.iter().map(|tilt| tilt.surviving).sum();
+        (self.cases() > 0).then(|| surviving as f64 / self.cases() as f64)
     }
 
-    fn surviving(&self) -> u64 {
-        self.orders.iter().map(|count| count.surviving).sum()
+    fn cases(&self) -> u64 {
+        self.tilts.iter().map(|tilt| tilt.cases).sum()
     }
 
     fn max_order(&self) -> i32 {
@@ -122,14 +129,13 @@ impl Tally {
         count.surviving += u64::from(survives);
         count.like_true += u64::from(is_like_true);
         count.abs_delta_turns += delta.abs();
-        self.tilts[tilt].1 += u64::from(is_like_true);
+        self.tilts[tilt].surviving += u64::from(survives);
+        self.tilts[tilt].like_true += u64::from(is_like_true);
     }
 }
 
 impl AddAssign<&Self> for Tally {
     fn add_assign(&mut self, other: &Self) {
-        self.cases += other.cases;
-        self.facing = (self.facing.0 + other.facing.0, self.facing.1 + other.facing.1);
         for (mine, theirs) in self.orders.iter_mut().zip(&other.orders) {
             mine.present += theirs.present;
             mine.surviving += theirs.surviving;
@@ -137,7 +143,9 @@ impl AddAssign<&Self> for Tally {
             mine.abs_delta_turns += theirs.abs_delta_turns;
         }
         for (mine, theirs) in self.tilts.iter_mut().zip(&other.tilts) {
-            *mine = (mine.0 + theirs.0, mine.1 + theirs.1);
+            mine.cases += theirs.cases;
+            mine.surviving += theirs.surviving;
+            mine.like_true += theirs.like_true;
         }
     }
 }
@@ -178,12 +186,7 @@ impl<'a> Cases<'a> {
                 continue;
             };
             for (tilt, &normal) in self.normals.iter().enumerate() {
-                let before = (tally.cases, tally.surviving());
-                self.add_case(&mut tally, tilt, [Some(segment), beside], &Surface { point, normal }, phase);
-                if tilt == FACING {
-                    tally.facing.0 += tally.cases - before.0;
-                    tally.facing.1 += tally.surviving() - before.1;
-                }
+                self.add_case(&mut tally, tilt, segment, beside, &Surface { point, normal }, phase);
             }
         }
         tally
@@ -194,17 +197,19 @@ impl<'a> Cases<'a> {
         &self,
         tally: &mut Tally,
         tilt: usize,
-        [segment, beside]: [Option<&Segment>; 2],
+        segment: &Segment,
+        beside: Option<&Segment>,
         surface: &Surface,
         phase: f64,
     ) {
         if !surface.has_all_on_one_side(&self.eyes) {
             return;
         }
-        let Some(deltas) = segment.and_then(|segment| self.deltas(segment, surface, phase)) else { return };
-        tally.cases += 1;
-        tally.tilts[tilt].0 += 1;
-        let beside = beside.and_then(|segment| {
+        let Some(deltas) = self.deltas(segment, surface, phase) else { return };
+        tally.tilts[tilt].cases += 1;
+        // The slope matters for orders that survive.
+        let survives = |(_, delta): &(i32, f64)| delta.abs() < self.threshold_turns;
+        let beside = beside.filter(|_| deltas.iter().any(survives)).and_then(|segment| {
             let point = surface.intersection(&Point3::origin(), &segment.at_share(0.5))?;
             let phase = self.setup.lit_phase_turns(&point)?;
             self.deltas(segment, &Surface { point, ..*surface }, phase)
@@ -307,7 +312,7 @@ impl Trace {
 pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
     let survivors = tally.survivors()?;
     let max_order = tally.max_order();
-    let cases = tally.cases as f64;
+    let cases = tally.cases() as f64;
     let tooth = |order: i32| {
         let Count { present, surviving, like_true, abs_delta_turns } = tally.orders[order_index(order)];
         Tooth {
@@ -320,11 +325,11 @@ pub(super) fn summary(tally: &Tally, place_on_base: f64) -> Option<Comb> {
         }
     };
     let teeth = (-max_order..=max_order).filter(|&order| order != 0).map(tooth).collect();
-    let (facing_cases, facing_surviving) = tally.facing;
-    let survivors_facing = facing_surviving as f64 / facing_cases.max(1) as f64;
-    let like_true = TILTS_DEG.iter().zip(&tally.tilts);
-    let like_true = like_true.map(|(tilt_deg, (cases, alike))| (*tilt_deg, *alike as f64 / *cases.max(&1) as f64));
-    Some(Comb { cases: tally.cases, survivors, survivors_facing, like_true: like_true.collect(), teeth })
+    let facing = &tally.tilts[FACING];
+    let survivors_facing = facing.per_case(facing.surviving);
+    let tilts = TILTS_DEG.into_iter().zip(&tally.tilts);
+    let like_true = tilts.map(|(tilt_deg, tilt)| (tilt_deg, tilt.per_case(tilt.like_true))).collect();
+    Some(Comb { cases: tally.cases(), survivors, survivors_facing, like_true, teeth })
 }
 
 /// Wraps an angle to [−π, π).

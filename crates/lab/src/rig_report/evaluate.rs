@@ -80,7 +80,7 @@ impl Evaluation {
 }
 
 /// Figures of a pixel that do not depend on the threshold.
-type PixelBasics = (Option<SegmentPeriods>, Option<PixelDeviation>);
+type PixelBasics = (Option<Segment>, Option<SegmentPeriods>, Option<PixelDeviation>);
 
 /// Evaluates a rig over every `grid_step_px`-th pixel.
 pub(super) fn evaluate(
@@ -92,16 +92,19 @@ pub(super) fn evaluate(
     let surface = Surface::facing(setup, setup.centre_cam1());
     let grid = segment::grid(&setup.rig.cam1, grid_step_px);
     let basics = by_row(&grid, |pixel| basics(setup, assumptions, &surface, pixel));
-    let periods = segment::summary(&basics.iter().filter_map(|b| b.0).collect::<Vec<_>>()).ok_or(nothing)?;
-    let deviations: Vec<_> = basics.iter().filter_map(|b| b.1).collect();
+    let periods = segment::summary(&basics.iter().filter_map(|b| b.1).collect::<Vec<_>>()).ok_or(nothing)?;
+    let deviations: Vec<_> = basics.iter().filter_map(|b| b.2).collect();
     let deviation = deviation::summary(assumptions, &deviations).ok_or(nothing)?;
 
     let max_order = periods.max.max(periods.orders_spanned_max).ceil().clamp(1.0, MAX_ORDERS) as i32;
     let cases = Cases::new(setup, deviation.threshold_rad, max_order);
     let along = epipolar_direction(setup) * comb::SLOPE_DISTANCE_PX;
-    let tallies = by_row(&grid, |pixel| {
-        let beside = Segment::new(setup, &(pixel + along));
-        Segment::new(setup, pixel).map(|segment| cases.pixel_tally(&segment, beside.as_ref()))
+    let rows = grid.iter().zip(basics.chunks(grid[0].len()));
+    let cells: Vec<Vec<(Pixel, Option<Segment>)>> =
+        rows.map(|(row, basics)| row.iter().copied().zip(basics.iter().map(|b| b.0)).collect()).collect();
+    let tallies = by_row(&cells, |(pixel, segment)| {
+        let segment = segment.as_ref()?;
+        Some(cases.pixel_tally(segment, Segment::new(setup, &(pixel + along)).as_ref()))
     });
     let mut total = Tally::new(max_order);
     tallies.iter().flatten().for_each(|tally| total += tally);
@@ -113,7 +116,7 @@ pub(super) fn evaluate(
         grid_step_px,
         efc,
         puc_percent: expected_unique_percent(efc),
-        periods_map: map(basics.iter().map(|b| b.0.map(|p| p.seen)).collect()),
+        periods_map: map(basics.iter().map(|b| b.1.map(|p| p.seen)).collect()),
         survivors_map: map(tallies.iter().map(|t| t.as_ref().and_then(Tally::survivors)).collect()),
         periods,
         deviation,
@@ -131,9 +134,9 @@ fn epipolar_direction(setup: &RigSetup) -> Vector2<f64> {
 }
 
 fn basics(setup: &RigSetup, assumptions: &Assumptions, surface: &Surface, pixel: &Pixel) -> PixelBasics {
-    let Some(segment) = Segment::new(setup, pixel) else { return (None, None) };
+    let Some(segment) = Segment::new(setup, pixel) else { return (None, None, None) };
     let periods = segment::periods(setup, &segment, surface);
-    (periods, deviation::at(setup, assumptions, &segment))
+    (Some(segment), periods, deviation::at(setup, assumptions, &segment))
 }
 
 /// Maps all cells of a grid, with rows in parallel. The results are in the order of the cells.

@@ -35,7 +35,7 @@ pub struct Sensitivity {
     pub interior_percent: f64,
     /// fpc, percent.
     pub fpc_percent: f64,
-    /// Time from images to cloud and its scores, all scenes together.
+    /// Time from images to cloud and its scores.
     pub time: Duration,
 }
 
@@ -101,6 +101,7 @@ pub fn measure_sensitivity(scenes: &[ListedScene], on_scene: impl Fn()) -> Resul
         com_percent: sums.com_percent / sums.scenes.max(1) as f64,
         interior_percent: sums.interior_percent / interiors.max(1) as f64,
         fpc_percent: sums.fpc_percent / sums.scenes.max(1) as f64,
+        time: sums.time.div_f64(sums.scenes.max(1) as f64),
         ..sums
     });
     Ok(means.collect())

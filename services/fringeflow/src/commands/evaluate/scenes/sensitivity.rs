@@ -54,7 +54,7 @@ pub(super) fn run(scenes: &[ListedScene], folder: Option<&Path>, as_json: bool) 
         com_percent: usual.com_percent,
         interior_percent: usual.interior_percent,
         fpc_percent: usual.fpc_percent,
-        milliseconds: 1e3 * usual.time.as_secs_f64() / usual.scenes as f64,
+        milliseconds: 1e3 * usual.time.as_secs_f64(),
         changes,
     };
     let table = table(&report);
@@ -74,14 +74,13 @@ impl Row {
             Change::Times(constant, factor) => (constant.name, Some(factor)),
             Change::Without(step) => (step.name(), None),
         };
-        let milliseconds = |of: &Sensitivity| 1e3 * of.time.as_secs_f64() / of.scenes.max(1) as f64;
         Self {
             name,
             factor,
             com_percent: changed.com_percent - usual.com_percent,
             interior_percent: changed.interior_percent - usual.interior_percent,
             fpc_percent: changed.fpc_percent - usual.fpc_percent,
-            milliseconds: milliseconds(changed) - milliseconds(usual),
+            milliseconds: 1e3 * (changed.time.as_secs_f64() - usual.time.as_secs_f64()),
         }
     }
 
