@@ -3,7 +3,7 @@
 //!
 //! In: for every point its grounds, and from the exact truth whether it is false. Out: the factors of maximum likelihood
 //! (logistic regression by Newton's method), fitted to the scenes with even numbers; and, for the points of the others,
-//! what probability they state and how many are true.
+//! what probability they state and how many are true. Scenes that are lost as a whole are left out of both.
 
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "a program for people")]
 
@@ -20,6 +20,8 @@ use fringeflow_lab::scene_lists::{SceneError, SceneList};
 const SCENES: usize = 144;
 /// True points are many and similar: one in this number is sampled, with this weight.
 const THINNING: usize = 20;
+/// Share of false points from which on a scene is lost as a whole: no ground of a single point tells that.
+const LOST: f64 = 0.3;
 /// Ridge penalty that draws every value towards zero, in points.
 const RIDGE: f64 = 10.0;
 /// Newton steps; the last ones change nothing.
@@ -43,6 +45,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut fitted, mut judged) = (Vec::new(), Vec::new());
     for number in 0..scenes {
         match samples_of(number) {
+            Ok(samples) if is_lost(&samples) => {
+                eprintln!("scene {number} is left out: too many of its points are false")
+            }
             Ok(samples) => (if number % 2 == 0 { &mut fitted } else { &mut judged }).extend(samples),
             Err(e) => eprintln!("scene {number} is left out: {e}"),
         }
@@ -52,6 +57,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("[{}]", rounded.join(", "));
     print_calibration(&mut judged, &factors);
     Ok(())
+}
+
+fn is_lost(samples: &[Sample]) -> bool {
+    let points: f64 = samples.iter().map(|sample| sample.weight).sum();
+    let false_points: f64 = samples.iter().filter(|sample| !sample.is_true).map(|sample| sample.weight).sum();
+    false_points > LOST * points
 }
 
 /// The samples of a scene.

@@ -295,9 +295,10 @@ fn confidence_is_the_share_of_true_points_and_its_minimum_is_respected() {
     assert_eq!(parts.len(), 10);
     for (index, part) in parts.into_iter().enumerate() {
         // In such small images, more pixels lie beside edges. Their stated confidence is too low.
-        let allowed = if index == 0 { 5.0 } else { 1.5 };
+        // False points of one scene come in patches, so the least sure tenth scatters.
+        let allowed = if index == 0 { -0.6..5.0 } else { -0.3..1.5 };
         let error = part.true_percent - part.stated_percent;
-        assert!(error > -0.3 && error < allowed, "{part:?}");
+        assert!(allowed.contains(&error), "{part:?}");
     }
     let confident = reconstruct_at(0.99);
     assert!(confident.cloud.points.iter().all(|point| (0.99..=1.0).contains(&point.confidence)));
@@ -355,8 +356,9 @@ fn orders_are_decided_where_the_projector_stands_outside_of_the_cameras() {
 fn a_board_behind_the_volume_yields_no_points_behind_the_volume() {
     let simulation = simulation_with_board_behind(Object::Tooth, 60.0, 2);
     let scores = scores(&simulation, &reconstruct(&simulation));
-    // The board takes a part of the tooth that C1 sees in one piece with it: 83.7 % remain.
-    assert!(scores.com_percent > 80.0 && scores.fpc_percent < 0.5, "{scores:?}");
+    // C1 sees a part of the tooth in one piece with the board, whose order also fits there by chance.
+    assert!(scores.com_percent > 91.0 && scores.interior_percent > Some(99.0), "{scores:?}");
+    assert!(scores.fpc_percent < 0.2, "{scores:?}");
 }
 
 #[test]

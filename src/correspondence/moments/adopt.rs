@@ -1,9 +1,9 @@
 //! Open pixels that continue a decided neighbour.
 //!
 //! ```text
-//! a few times, rows in parallel, from the decisions of the time before:
-//!     for each open pixel, for each of its eight neighbours that is decided and whose phase may continue:
-//!         look for the neighbour's absolute phase at the pixel, rims included
+//! while there are new ones, rows in parallel, from the decisions of the time before:
+//!     for each open pixel beside a new one, for each of its eight neighbours that is decided and whose phase may continue:
+//!         look for the neighbour's absolute phase at the pixel, rims included; a few pixels deep, δ may be off as rims are
 //!     the order whose δ fits best is adopted, with the part of its neighbour
 //! ```
 
@@ -20,8 +20,8 @@ use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// Rounds: how many pixels deep a rim is.
-const ROUNDS: usize = 3;
+/// How many pixels deep a rim is.
+const RIM_ROUNDS: usize = 3;
 
 /// What a pixel adopted.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +37,8 @@ struct Adopted {
 pub(super) struct Adoption {
     /// What each row adopted.
     rows: Vec<Vec<Adopted>>,
+    /// Columns of the open pixels of each row that are asked.
+    asked: Vec<Vec<u32>>,
     pool: Pool<(SegmentRow, DepthRow)>,
 }
 
@@ -50,13 +52,28 @@ impl Adoption {
         noise: Noise,
         pixels: &mut Pixels<'_>,
     ) {
-        let Self { rows, pool } = self;
-        rows.resize_with(view.cam1.height, Vec::new);
-        for _ in 0..ROUNDS {
+        let Self { rows, asked, pool } = self;
+        let (width, height) = (view.cam1.width, view.cam1.height);
+        rows.resize_with(height, Vec::new);
+        asked.resize_with(height, Vec::new);
+        let is_open = |pixels: &Pixels<'_>, pixel: usize| pixels.state[pixel] == OPEN && view.cam1.valid[pixel];
+        let before = &*pixels;
+        asked.par_iter_mut().enumerate().for_each(|(v, asked)| {
+            asked.clear();
+            asked.extend((0..width as u32).filter(|&u| is_open(before, v * width + u as usize)));
+        });
+        for round in 0.. {
             let before = &*pixels;
-            rows.par_iter_mut().enumerate().for_each(|(v, adopted)| {
+            let least_reach = if round < RIM_ROUNDS { view.model.rim_rad } else { 0.0 };
+            rows.par_iter_mut().zip(&mut *asked).enumerate().for_each(|(v, (adopted, asked))| {
                 adopted.clear();
-                adopt_row(view, field, parts, noise, before, &mut pool.take(), v, adopted);
+                asked.sort_unstable();
+                asked.dedup();
+                if !asked.is_empty() {
+                    let of_fit = (field, parts, noise, least_reach);
+                    adopt_row(view, of_fit, before, &mut pool.take(), v, asked, adopted);
+                }
+                asked.clear();
             });
             for Adopted { pixel, order, part, seen } in rows.iter().flatten() {
                 let pixel = *pixel;
@@ -68,7 +85,14 @@ impl Adoption {
                 pixels.state[pixel] = if seen.in_volume { INSIDE } else { BEYOND };
                 pixels.owner[pixel] = *part;
             }
-            if rows.iter().all(Vec::is_empty) {
+            for Adopted { pixel, .. } in rows.iter().flatten() {
+                for (u, v) in around(*pixel, width, height) {
+                    if is_open(pixels, v * width + u) {
+                        asked[v].push(u as u32);
+                    }
+                }
+            }
+            if asked.iter().all(Vec::is_empty) {
                 break;
             }
         }
@@ -77,30 +101,25 @@ impl Adoption {
 
 fn adopt_row(
     view: View<'_>,
-    field: &Drift,
-    parts: &[Part],
-    noise: Noise,
+    (field, parts, noise, least_reach): (&Drift, &[Part], Noise, f32),
     pixels: &Pixels<'_>,
     (segments, along): &mut (SegmentRow, DepthRow),
     v: usize,
+    asked: &[u32],
     adopted: &mut Vec<Adopted>,
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
     let mut is_loaded = false;
-    for u in 0..width {
+    for u in asked.iter().map(|&u| u as usize) {
         let pixel = v * width + u;
-        if pixels.state[pixel] != OPEN || !view.cam1.valid[pixel] {
-            continue;
-        }
         let phase = view.cam1.phase[pixel];
         let mut tried: [(i32, u32); 8] = [(i32::MIN, 0); 8];
         let mut count = 0;
-        for (dv, du) in NEIGHBOURS {
-            let (Some(nu), Some(nv)) = (u.checked_add_signed(du), v.checked_add_signed(dv)) else { continue };
-            if nu >= width || nv >= height || pixels.state[nv * width + nu] == OPEN {
+        for (nu, nv) in around(pixel, width, height) {
+            let other = nv * width + nu;
+            if pixels.state[other] == OPEN {
                 continue;
             }
-            let other = nv * width + nu;
             let step = i32::from(phase.wrapping_sub(view.cam1.phase[other]) as i16);
             if step.abs() > MAX_STEP {
                 continue;
@@ -129,7 +148,7 @@ fn adopt_row(
         let mut best: Option<(f32, Adopted)> = None;
         for &(order, part) in &tried[..count] {
             let offset = parts[part as usize].offset / radians(1.0);
-            let reach = (view.model.max_sd * sd).max(view.model.rim_rad) / radians(1.0);
+            let reach = (view.model.max_sd * sd).max(least_reach) / radians(1.0);
             let Some([begin, end]) = search.columns_of(order, reach + offset.abs()) else { continue };
             let mut consider = |column_px: f32, slope: i32| {
                 let (found, rest) = search.order_and_residual(column_px);
@@ -154,4 +173,11 @@ fn adopt_row(
     }
 }
 
-const NEIGHBOURS: [(isize, isize); 8] = [(0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
+/// Columns and rows of the eight pixels around one, within the image.
+fn around(pixel: usize, width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
+    const AROUND: [(isize, isize); 8] = [(0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
+    let (u, v) = (pixel % width, pixel / width);
+    let places =
+        AROUND.into_iter().filter_map(move |(dv, du)| Some((u.checked_add_signed(du)?, v.checked_add_signed(dv)?)));
+    places.filter(move |&(u, v)| u < width && v < height)
+}

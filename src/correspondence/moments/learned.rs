@@ -6,9 +6,10 @@
 //! ```
 
 use super::Scratch;
+use super::decay::decay;
 use super::evidence::Evidence;
 use super::field::Uncertainty;
-use super::likelihood::{Moments, Widths};
+use super::likelihood::{Moments, Widths, ln};
 use super::model::{Model, Step};
 use super::nodes::{Node, Nodes};
 use super::noise::Noise;
@@ -19,8 +20,10 @@ use crate::correspondence::view::View;
 const WRONG_SLOPES: [f32; 2] = [0.2, 0.1];
 /// |x| of Student's t with three degrees of freedom that half of its values exceed.
 const STUDENT_MEDIAN: f32 = 0.765;
-/// Widths of mean, rad, and slopes, rad per half tile, of true orders where they cannot be measured.
-const USUAL_WIDTHS: [f32; 3] = [0.015, 0.03, 0.03];
+/// Widths of mean, rad, slopes, rad per half tile, and excess of true orders where they cannot be measured.
+const USUAL_WIDTHS: [f32; 4] = [0.015, 0.03, 0.03, 0.15];
+/// Least width of the excess of true orders.
+const MIN_EXCESS: f32 = 0.1;
 /// Fewest values from which a width is measured.
 const MIN_VALUES: usize = 50;
 
@@ -35,7 +38,7 @@ struct Attempt {
 }
 
 /// Scratch memory for values of nodes.
-pub(super) type Values = Vec<[f32; 3]>;
+pub(super) type Values = Vec<[f32; 4]>;
 
 /// What is learned of the images.
 pub(in crate::correspondence) struct Learned {
@@ -73,6 +76,7 @@ impl Scratch {
         }
         // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
         let mut best = best.unwrap_or_else(|| Learned::about(&none, &any, model));
+        self.divide(view, 0, None);
         self.ask(view, 0, &best, None);
         best.nats = self.nats();
         best
@@ -81,6 +85,7 @@ impl Scratch {
     /// Learns in rounds, starting from a field.
     fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift) -> Learned {
         let mut learned = Learned::about(start, attempt, view.model);
+        self.divide(view, 0, None);
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
             self.ask(view, 0, &learned, None);
@@ -91,10 +96,13 @@ impl Scratch {
                 (learned.field, learned.uncertainty) = found;
             }
             learned.noise = learned.noise.learn(view, nodes, evidence, clear, values);
-            learned.widths.wrong_slopes =
-                wrong_slopes(nodes, evidence, clear, values).unwrap_or(learned.widths.wrong_slopes);
-            let [mean, along, across] = true_widths(view.model, nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
-            (learned.widths.mean, learned.widths.slopes) = (mean, [along, across]);
+            let widths = &mut learned.widths;
+            if let Some([_, along, across, excess]) = wrong_widths(nodes, evidence, clear, values) {
+                (widths.wrong_slopes, widths.wrong_excess) = ([along, across], excess);
+            }
+            let [mean, along, across, excess] =
+                true_widths(view.model, nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
+            (widths.mean, widths.slopes, widths.excess) = (mean, [along, across], excess);
             learned.cap = view.model.cap_rad;
         }
         learned.nats = self.nats();
@@ -134,6 +142,8 @@ impl Learned {
             slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
             wrong_slopes: WRONG_SLOPES,
             wrong_mean: Some(model.wrong_mean_rad),
+            excess: USUAL_WIDTHS[3],
+            wrong_excess: USUAL_WIDTHS[3],
         };
         Self {
             field: field.clone(),
@@ -157,47 +167,63 @@ impl Learned {
         if level == 0 { Widths { wrong_mean: None, ..beside } } else { beside }
     }
 
-    /// Widths for a node of a level beside another one of its order: slopes are counted per half tile.
+    /// Widths for a node of a level beside another one of its order: slopes are counted per half tile, and what bends
+    /// grows with the square of the side.
     pub(super) fn widths_beside(&self, level: u8) -> Widths {
         let share = 1.0 / f32::from(1_u16 << level);
-        let Widths { mean, slopes, wrong_slopes, wrong_mean } = self.widths;
+        let Widths { mean, slopes, wrong_slopes, wrong_mean, excess, wrong_excess } = self.widths;
         let [slopes, wrong_slopes] = [slopes, wrong_slopes].map(|widths| widths.map(|width| width * share));
-        Widths { mean, slopes, wrong_slopes, wrong_mean: wrong_mean.map(|width| width * share) }
+        let [excess, wrong_excess] = [excess, wrong_excess].map(|width| excess_in(width, share));
+        let wrong_mean = wrong_mean.map(|width| width * share);
+        Widths { mean, slopes, wrong_slopes, wrong_mean, excess, wrong_excess }
     }
 }
 
-/// The widths of slopes of wrong orders: of the labels of clear nodes other than the decided one.
-fn wrong_slopes(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 2]> {
+/// The excess in a tile whose side is this share of another's. Its variance in units of noise grows with the fourth power.
+fn excess_in(excess: f32, share: f32) -> f32 {
+    let ratio = 1.0 / (decay(f64::from(2.0 * excess)) as f32);
+    0.5 * ln(1.0 + (ratio - 1.0) * share * share * share * share)
+}
+
+/// The widths of wrong orders: of the labels of clear nodes other than the decided one.
+fn wrong_widths(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 4]> {
     values.clear();
     for i in clear.iter().map(|&i| i as usize) {
         let wrong = evidence.fits_of(i).iter().filter(|fit| fit.label != nodes.nodes[i].label);
-        values.extend(wrong.map(|fit| [0.0, fit.moments.slopes[0].abs(), fit.moments.slopes[1].abs()]));
+        values.extend(wrong.map(|fit| amounts(&fit.moments)));
     }
-    widths(values).map(|[_, along, across]| [along, across])
+    widths(values)
 }
 
-/// The widths of mean and slopes of true orders: of the decided labels of clear nodes.
+/// The widths of true orders: of the decided labels of clear nodes.
 fn true_widths(
     model: &Model,
     nodes: &Nodes,
     evidence: &Evidence,
     clear: &[u32],
     values: &mut Values,
-) -> Option<[f32; 3]> {
+) -> Option<[f32; 4]> {
     values.clear();
-    values.extend(clear.iter().map(|&i| i as usize).filter_map(|i| {
-        let Moments { mean, slopes: [along, across], .. } = evidence.fit(i, nodes.nodes[i].label)?.moments;
-        Some([mean.abs(), along.abs(), across.abs()])
-    }));
-    widths(values).map(|widths| widths.map(|width| width.clamp(model.min_width_rad, model.max_width_rad)))
+    let decided = clear.iter().map(|&i| i as usize).filter_map(|i| evidence.fit(i, nodes.nodes[i].label));
+    values.extend(decided.map(|fit| amounts(&fit.moments)));
+    let [mean, along, across, excess] = widths(values)?;
+    let [mean, along, across] =
+        [mean, along, across].map(|width| width.clamp(model.min_width_rad, model.max_width_rad));
+    Some([mean, along, across, excess.max(MIN_EXCESS)])
+}
+
+/// Amounts of mean, slopes and excess.
+fn amounts(moments: &Moments) -> [f32; 4] {
+    let [along, across] = moments.slopes;
+    [moments.mean, along, across, moments.excess()].map(f32::abs)
 }
 
 /// Width of the density of Student's t of each column of amounts, by its median. `None` if they are too few.
-fn widths(values: &mut Values) -> Option<[f32; 3]> {
+fn widths(values: &mut Values) -> Option<[f32; 4]> {
     let middle = values.len() / 2;
     let mut width = |column: usize| {
-        let by_column = |a: &[f32; 3], b: &[f32; 3]| a[column].total_cmp(&b[column]);
+        let by_column = |a: &[f32; 4], b: &[f32; 4]| a[column].total_cmp(&b[column]);
         values.select_nth_unstable_by(middle, by_column).1[column] / STUDENT_MEDIAN
     };
-    (middle >= MIN_VALUES / 2).then(|| [width(0), width(1), width(2)])
+    (middle >= MIN_VALUES / 2).then(|| [0, 1, 2, 3].map(&mut width))
 }

@@ -7,10 +7,12 @@
 //!                                                                           neighbour, as far from its mean as a slope leads
 //!     a, b   slopes          true: small                                    wrong: as wide as measured on wrong orders
 //!     f      share near 0    true: nearly all                               wrong: any
-//! ratio = ln p(m, a, b, f | true) − ln p(m, a, b, f | wrong)
+//!     e      excess          true: small                                    wrong: as wide as measured on wrong orders
+//!                            e = ln(sd about the plane / sd of noise): what bends, or two surfaces in one node
+//! ratio = ln p(m, a, b, f, e | true) − ln p(m, a, b, f, e | wrong)
 //! ```
 //!
-//! The widths of true orders and of the slopes of wrong ones are measured on the images.
+//! The widths of true orders, and those of slopes and excess of wrong ones, are measured on the images.
 //!
 //! Nothing in the ratio grows with the number of samples: the pixels of a surface are not independent. All densities
 //! are heavy-tailed (Student's t with three degrees of freedom). Angles are in radians.
@@ -21,6 +23,8 @@ use super::model::Model;
 
 /// Fewest fitting samples from which moments are computed.
 const MIN_FITTING: f32 = 3.0;
+/// Least residual, variances of noise.
+const MIN_RESIDUAL: f32 = 1e-6;
 
 /// The widths of the densities, radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +37,10 @@ pub(super) struct Widths {
     pub(super) wrong_slopes: [f32; 2],
     /// Of the mean of a wrong order given that of its neighbours; `None`: anywhere on the circle.
     pub(super) wrong_mean: Option<f32>,
+    /// Of the excess of a true order.
+    pub(super) excess: f32,
+    /// Of the excess of a wrong order.
+    pub(super) wrong_excess: f32,
 }
 
 /// Sums over the samples of a node at one order.
@@ -127,7 +135,23 @@ impl Sums {
 }
 
 impl Moments {
-    /// Log likelihood ratio of slopes and share, true against wrong, nats.
+    /// Excess: logarithm of the sd about the plane over the sd of noise.
+    pub(super) fn excess(&self) -> f32 {
+        0.5 * ln((self.residual / (self.variance[0] * self.count)).max(MIN_RESIDUAL))
+    }
+
+    /// Variance of the excess from the number of samples alone.
+    fn variance_of_excess(&self) -> f32 {
+        0.5 / (self.count - 3.0).max(1.0)
+    }
+
+    /// Whether what is left about the plane can be noise, so that the node holds one surface.
+    pub(super) fn is_pure(&self, widths: &Widths, model: &Model) -> bool {
+        let variance = widths.excess * widths.excess + self.variance_of_excess();
+        self.excess() < model.pure_sd * variance.sqrt()
+    }
+
+    /// Log likelihood ratio of slopes, share and excess, true against wrong, nats.
     fn ratio_but_mean(&self, widths: &Widths, model: &Model) -> f32 {
         let mut ratio = model.share_exponent * ln(self.share) + ln(1.0 + model.share_exponent);
         for axis in 0..2 {
@@ -137,7 +161,11 @@ impl Moments {
             let wrong = (widths.wrong_slopes[axis] * widths.wrong_slopes[axis]).max(slope);
             ratio += student(value, slope + noise) - student(value, wrong + noise);
         }
-        ratio
+        // Less than the noise is no bend.
+        let (excess, counting) = (self.excess().max(0.0), self.variance_of_excess());
+        let own = widths.excess * widths.excess;
+        let wrong = (widths.wrong_excess * widths.wrong_excess).max(own);
+        ratio + student(excess, own + counting) - student(excess, wrong + counting)
     }
 
     /// Log likelihood ratio of the mean less `expected`, true against wrong, nats.
@@ -210,7 +238,14 @@ mod tests {
 
     const MODEL: Model = Model::USUAL;
 
-    const WIDTHS: Widths = Widths { mean: 0.03, slopes: [0.03; 2], wrong_slopes: [0.5, 0.2], wrong_mean: None };
+    const WIDTHS: Widths = Widths {
+        mean: 0.03,
+        slopes: [0.03; 2],
+        wrong_slopes: [0.5, 0.2],
+        wrong_mean: None,
+        excess: 0.1,
+        wrong_excess: 1.0,
+    };
 
     fn tile(delta: impl Fn(f32, f32) -> f32) -> Sums {
         let mut sums = Sums::default();
@@ -260,6 +295,18 @@ mod tests {
         let ratio = |mean: f32| Moments { mean, ..Moments::default() }.ratio_within(0.0, &MODEL);
         assert!(ratio(0.0) > 1.0 && ratio(0.1) < -1.0);
         assert!((0..20).all(|i| ratio(0.01 * i as f32) > ratio(0.01 * (i + 1) as f32)));
+    }
+
+    #[test]
+    fn a_bend_and_a_second_surface_are_no_noise() {
+        let pure = |delta: fn(f32, f32) -> f32| match tile(delta).look(64.0, 1e-4, 0.5, &MODEL) {
+            Look::Fits(moments) => moments.is_pure(&WIDTHS, &MODEL),
+            _ => false,
+        };
+        let noise = |u: f32, v: f32| 0.014 * (997.0 * (u + 3.1 * v)).sin();
+        assert!(pure(noise));
+        assert!(!pure(|u, _| if u < 0.3 { 0.0 } else { 0.12 }) && !pure(|u, _| 0.15 * u * u));
+        assert!(ratio(noise) > ratio(|u, _| 0.15 * u * u - 0.05) + 1.0);
     }
 
     #[test]

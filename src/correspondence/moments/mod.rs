@@ -215,9 +215,10 @@ impl Scratch {
         let levels = if model.does(Step::SmallerTiles) { LEVELS } else { 1 };
         for level in 0..levels {
             if level > 0 {
+                self.divide(view, level, Some(&pixels));
                 self.ask(view, level, &learned, Some(&pixels));
             }
-            self.keep(view, level, &learned);
+            self.keep(view, level, level + 1 == levels, &learned);
             let parts = (&self.part_of[..], &self.offsets[..]);
             look::look(view, &learned.field, &self.runs, &self.nodes, parts, learned.noise, &mut pixels, &self.looks);
             // A small surface may yet grow in smaller tiles.
@@ -294,20 +295,23 @@ impl Scratch {
         bases.extend(sums.iter().map(|[sum, weight]| (sum / weight.max(1.0)) as i32 - LABELS as i32 / 2));
     }
 
-    /// Divides what is open into nodes of a level, and decides them.
-    fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: Option<&Pixels<'_>>) {
-        let Self { runs, bases, nodes, of_surface, evidence, messages, parts, .. } = self;
-        let size = [view.cam1.width, view.cam1.height];
-        let tile_px = if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX };
-        let space = SearchSpace::from_table(view.table);
+    /// Divides what is open into nodes of a level.
+    fn divide(&mut self, view: View<'_>, level: u8, pixels: Option<&Pixels<'_>>) {
+        let Self { runs, bases, nodes, of_surface, .. } = self;
         let is_open = |pixel: usize| pixels.is_none_or(|pixels| pixels.state[pixel] == OPEN);
-        nodes.divide(size, tile_px >> level, runs, bases, is_open);
+        nodes.divide([view.cam1.width, view.cam1.height], tile_px(view, level), runs, bases, is_open);
         of_surface.clear();
         of_surface.resize(runs.surfaces, 0);
         nodes.nodes.iter().for_each(|node| of_surface[node.surface as usize] += 1);
+    }
+
+    /// Decides the nodes of a level.
+    fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: Option<&Pixels<'_>>) {
+        let Self { runs, nodes, of_surface, evidence, messages, parts, .. } = self;
+        let space = SearchSpace::from_table(view.table);
         let question = Question {
             // A quarter of the samples is enough to learn from.
-            stride_px: (tile_px >> level) / if learned.is_settled { 8 } else { 4 },
+            stride_px: tile_px(view, level) / if learned.is_settled { 8 } else { 4 },
             min_px: if level == 0 { 16 } else { 4 },
             cap: learned.cap,
             widths: learned.widths_at(level),
@@ -382,6 +386,11 @@ impl Scratch {
             _ => Outcome::RejectedByDelta,
         }
     }
+}
+
+/// Side of the tiles of a level, pixels.
+fn tile_px(view: View<'_>, level: u8) -> usize {
+    (if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX }) >> level
 }
 
 /// Bend of the phase at which a surface ends: a multiple of the sd of the second difference, which noise causes.

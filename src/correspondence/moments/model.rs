@@ -147,6 +147,8 @@ model! {
     outside_node_nats: 4.0 "nats",
     /// Least ratio of a component of nodes that is looked at, and lead of another order of a node that holds two surfaces
     look_nats: 4.0 "nats",
+    /// Excess from which on a node holds two surfaces and waits for smaller tiles
+    pure_sd: 4.0 "sd",
     /// Pixels of a part from which on it counts fully
     full_px: 64.0 "px",
     /// Largest distance of δ of a decided pixel

@@ -55,7 +55,7 @@ impl Noise {
             let [u, v] = nodes.middle_of(node).middle();
             let pixel = v * view.cam1.width + u;
             let modulation = view.cam1.modulation[pixel].grey().max(MIN_MODULATION);
-            seen.push([1.0 / (modulation * modulation), fit.moments.residual, 0.0]);
+            seen.push([1.0 / (modulation * modulation), fit.moments.residual, 0.0, 0.0]);
         }
         if seen.len() < BINS * MIN_NODES {
             return *self;

@@ -3,7 +3,8 @@
 //! ```text
 //! unite neighbouring nodes with one label: components
 //! ratio of a component = Σ ratio of its nodes about its offset
-//! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree
+//! a node becomes a part if its component is founded, or continues what larger tiles decided, and its own samples agree;
+//!     a node that holds two surfaces waits for smaller tiles: δ of a wrong order is small somewhere on the other one
 //! ```
 
 use super::evidence::Fit;
@@ -15,7 +16,7 @@ use crate::correspondence::view::View;
 
 impl Scratch {
     /// Makes parts of the nodes whose component is founded well enough to be looked at.
-    pub(super) fn keep(&mut self, view: View<'_>, level: u8, learned: &Learned) {
+    pub(super) fn keep(&mut self, view: View<'_>, level: u8, is_last: bool, learned: &Learned) {
         let Self { runs, nodes, evidence, sets, set_of, sums, parts, part_of, offsets, .. } = self;
         let all = &nodes.nodes;
         sets.reset(all.iter().map(|_| 1));
@@ -54,10 +55,13 @@ impl Scratch {
         offsets.clear();
         for (i, node) in all.iter().enumerate() {
             let offset = sums[set_of[i]][0];
-            let own = evidence.fit(i, node.label).map_or(0.0, |fit| fit.moments.ratio(offset, &widths, model));
+            let fit = evidence.fit(i, node.label);
+            let own = fit.map_or(0.0, |fit| fit.moments.ratio(offset, &widths, model));
+            let is_pure = fit.is_none_or(|fit| fit.moments.is_pure(&widths, model));
             let best = evidence.fits_of(i).iter().fold(0.0_f32, |best, fit| best.max(fit.ratio));
             let is_own = own > 0.0 && own >= best - model.look_nats;
-            let stands = is_judged(node) && is_own && sums[set_of[i]][2] >= model.look_nats;
+            let is_ready = is_judged(node) && (is_pure || is_last);
+            let stands = is_ready && is_own && sums[set_of[i]][2] >= model.look_nats;
             offsets.push(0.0);
             part_of.push(if stands { parts.len() as u32 } else { NONE });
             if !stands {
@@ -73,7 +77,7 @@ impl Scratch {
                 }
             }
             offsets[i] = sum / (weight + 8.0);
-            let moments = evidence.fit(i, node.label).map(|fit| fit.moments);
+            let moments = fit.map(|fit| fit.moments);
             let (pixel, column_px) = field::place_of(view, runs, nodes, node);
             let field_variance = learned.uncertainty.variance(view.table, pixel, column_px);
             let others = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
