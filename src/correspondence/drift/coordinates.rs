@@ -97,14 +97,20 @@ impl DriftCoordinates {
         a + b * x + c * y
     }
 
-    /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
-    pub(super) fn along_segments(&self, polynomial: &Polynomial, v: usize, width: usize, out: &mut DepthRow) {
+    /// A polynomial in row `v` of C1.
+    pub(super) fn in_row(&self, polynomial: &Polynomial, v: usize) -> RowPolynomial {
         let [_, y] = self.image(0.0, v as f64);
         let py = powers(y);
         let mut coefficients = [[0.0; DEGREE + 1]; DEGREE + 1];
         for (&coefficient, [i, j, k]) in polynomial.iter().zip(EXPONENTS) {
             coefficients[i][k] += coefficient * py[j];
         }
+        RowPolynomial { places: *self, y, coefficients }
+    }
+
+    /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
+    pub(super) fn along_segments(&self, polynomial: &Polynomial, v: usize, width: usize, out: &mut DepthRow) {
+        let RowPolynomial { y, coefficients, .. } = self.in_row(polynomial, v);
         out.per_px = (1.0 / self.scale_px) as f32;
         if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.half_px {
             out.half_px = self.half_px;
@@ -115,6 +121,28 @@ impl DriftCoordinates {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
         fringeflow_simd::run(Level::in_use(), DepthKernel { middle_px: self.middle_px, y, coefficients, out });
+    }
+}
+
+/// A polynomial in a row of C1, for a few of its pixels.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::correspondence) struct RowPolynomial {
+    places: DriftCoordinates,
+    y: f64,
+    /// Factor of xⁱ·dᵏ at `[i][k]`.
+    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
+}
+
+impl RowPolynomial {
+    /// The polynomial along the segment of the pixel in a column: the same bits as those of [`DepthRow::segment`].
+    pub(in crate::correspondence) fn segment(&self, u: usize) -> DepthPolynomial {
+        let [x, _] = self.places.image(u as f64, 0.0);
+        let factor = |k: usize| (0..=DEGREE - k).rev().fold(0.0, |sum, power| sum * x + self.coefficients[power][k]);
+        DepthPolynomial {
+            coefficients: std::array::from_fn(|k| factor(k) as f32),
+            middle_px: self.places.middle_at([x, self.y]) as f32,
+            per_px: (1.0 / self.places.scale_px) as f32,
+        }
     }
 }
 
@@ -238,7 +266,7 @@ impl Kernel for DepthKernel<'_> {
 }
 
 /// A field along one segment: a polynomial in d.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::correspondence) struct DepthPolynomial {
     pub(in crate::correspondence) coefficients: [f32; DEGREE + 1],
     pub(in crate::correspondence) middle_px: f32,
@@ -340,6 +368,8 @@ mod tests {
             let exact: f64 = polynomial.iter().zip(monomials).map(|(c, m)| c * m).sum();
             assert!((f64::from(along.at(column_px as f32)) - exact).abs() < 1e-4 * exact.abs().max(1.0));
         }
+        let few = places().in_row(&polynomial, 30);
+        assert!((0..64).all(|u| few.segment(u) == row.segment(u)), "bit for bit");
     }
 
     #[test]

@@ -18,7 +18,7 @@ mod modes;
 
 use std::f64::consts::TAU;
 
-use self::coordinates::{DriftCoordinates, Polynomial, TERMS};
+use self::coordinates::{DriftCoordinates, Polynomial, RowPolynomial, TERMS};
 use super::delta_statistics::DeltaStatistics;
 use super::segment_table::SegmentTable;
 
@@ -147,5 +147,10 @@ impl Drift {
     /// Computes δ of true candidates along the segments of a row of C1, turns.
     pub(super) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
         self.places.along_segments(&self.field, v, width, out);
+    }
+
+    /// The same for a few pixels of a row, turns.
+    pub(super) fn in_row(&self, v: usize) -> RowPolynomial {
+        self.places.in_row(&self.field, v)
     }
 }

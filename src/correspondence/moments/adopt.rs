@@ -14,10 +14,8 @@ use super::look::{Seen, nearest};
 use super::noise::Noise;
 use super::pixel_search::PixelSearch;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
-use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::drift::Drift;
 use crate::correspondence::neighbourhood::MAX_STEP;
-use crate::correspondence::pool::Pool;
-use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
 /// How many pixels deep a rim is.
@@ -39,7 +37,6 @@ pub(super) struct Adoption {
     rows: Vec<Vec<Adopted>>,
     /// Columns of the open pixels of each row that are asked.
     asked: Vec<Vec<u32>>,
-    pool: Pool<(SegmentRow, DepthRow)>,
 }
 
 impl Adoption {
@@ -52,7 +49,7 @@ impl Adoption {
         noise: Noise,
         pixels: &mut Pixels<'_>,
     ) {
-        let Self { rows, asked, pool } = self;
+        let Self { rows, asked } = self;
         let (width, height) = (view.cam1.width, view.cam1.height);
         rows.resize_with(height, Vec::new);
         asked.resize_with(height, Vec::new);
@@ -71,7 +68,7 @@ impl Adoption {
                 asked.dedup();
                 if !asked.is_empty() {
                     let of_fit = (field, parts, noise, least_reach);
-                    adopt_row(view, of_fit, before, &mut pool.take(), v, asked, adopted);
+                    adopt_row(view, of_fit, before, v, asked, adopted);
                 }
                 asked.clear();
             });
@@ -103,13 +100,12 @@ fn adopt_row(
     view: View<'_>,
     (field, parts, noise, least_reach): (&Drift, &[Part], Noise, f32),
     pixels: &Pixels<'_>,
-    (segments, along): &mut (SegmentRow, DepthRow),
     v: usize,
     asked: &[u32],
     adopted: &mut Vec<Adopted>,
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
-    let mut is_loaded = false;
+    let along = field.in_row(v);
     for u in asked.iter().map(|&u| u as usize) {
         let pixel = v * width + u;
         let phase = view.cam1.phase[pixel];
@@ -133,12 +129,7 @@ fn adopt_row(
         if count == 0 {
             continue;
         }
-        if !is_loaded {
-            is_loaded = true;
-            view.table.row(v, segments);
-            field.along_row(v, width, along);
-        }
-        let segment = segments.segment(u);
+        let segment = view.table.segment(pixel);
         if segment.row_px < 0.0 {
             continue;
         }
