@@ -110,7 +110,6 @@ impl DriftCoordinates {
 
     /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
     pub(super) fn along_segments(&self, polynomial: &Polynomial, v: usize, width: usize, out: &mut DepthRow) {
-        let RowPolynomial { y, coefficients, .. } = self.in_row(polynomial, v);
         out.per_px = (1.0 / self.scale_px) as f32;
         if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.half_px {
             out.half_px = self.half_px;
@@ -120,7 +119,7 @@ impl DriftCoordinates {
         for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
-        fringeflow_simd::run(Level::in_use(), DepthKernel { middle_px: self.middle_px, y, coefficients, out });
+        fringeflow_simd::run(Level::in_use(), DepthKernel { polynomial: self.in_row(polynomial, v), out });
     }
 }
 
@@ -229,11 +228,7 @@ impl<L: Lanes> DepthBlock<L> {
 
 /// Computes the polynomials of a row.
 struct DepthKernel<'a> {
-    /// As in [`DriftCoordinates`].
-    middle_px: [f64; 3],
-    y: f64,
-    /// Factor of xⁱ·dᵏ at `[i][k]`.
-    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
+    polynomial: RowPolynomial,
     out: &'a mut DepthRow,
 }
 
@@ -242,7 +237,8 @@ impl Kernel for DepthKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { middle_px: [a, b, c], y, coefficients, out } = self;
+        let Self { polynomial: RowPolynomial { places, y, coefficients }, out } = self;
+        let [a, b, c] = places.middle_px;
         let blocks = out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().zip(out.x.as_chunks::<BLOCK>().0);
         for (block, (middle_px, x)) in blocks.enumerate() {
             for i in 0..BLOCK {

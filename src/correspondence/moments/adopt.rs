@@ -15,7 +15,6 @@ use super::noise::Noise;
 use super::pixel_search::PixelSearch;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
 use crate::correspondence::drift::Drift;
-use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::view::View;
 
 /// How many pixels deep a rim is.
@@ -116,11 +115,7 @@ fn adopt_row(
             if pixels.state[other] == OPEN {
                 continue;
             }
-            let step = i32::from(phase.wrapping_sub(view.cam1.phase[other]) as i16);
-            if step.abs() > MAX_STEP {
-                continue;
-            }
-            let order = (pixels.absolute(view, other) + step) >> 16;
+            let Some(order) = pixels.continued(view, pixel, other) else { continue };
             if tried[..count].iter().all(|(tried, _)| *tried != order) {
                 tried[count] = (order, pixels.owner[other]);
                 count += 1;

@@ -10,7 +10,7 @@ use super::evidence::{STEPS_PER_NAT, Scores};
 use super::nodes::{LABELS, NONE, NOTHING, Nodes};
 use super::phase_runs::PhaseRuns;
 use super::{Part, Pixels};
-use crate::correspondence::neighbourhood::{MAX_STEP, neighbours};
+use crate::correspondence::neighbourhood::neighbours;
 use crate::correspondence::view::View;
 
 /// Fewest contacts that count.
@@ -26,7 +26,7 @@ pub(super) fn continue_decided(
     price_nats: f32,
     scores: &mut [Scores],
 ) {
-    let (width, phase) = (view.cam1.width, &view.cam1.phase);
+    let (width, count) = (view.cam1.width, view.cam1.phase.len());
     let price = (price_nats * STEPS_PER_NAT) as i16;
     let Nodes { nodes, pieces, .. } = nodes;
     for (node, scores) in nodes.iter_mut().zip(scores) {
@@ -35,12 +35,11 @@ pub(super) fn continue_decided(
             for u in piece.columns() {
                 let pixel = piece.v as usize * width + u;
                 let zero = node.base + piece.offset + i32::from(runs.relative[pixel]);
-                for other in neighbours(pixel, width, phase.len()).into_iter().flatten() {
+                for other in neighbours(pixel, width, count).into_iter().flatten() {
                     let owner = pixels.owner[other];
                     if owner != NONE && parts[owner as usize].surface == node.surface {
-                        let step = i32::from(phase[pixel].wrapping_sub(phase[other]) as i16);
-                        let label = ((pixels.absolute(view, other) + step) >> 16) - zero;
-                        if step.abs() <= MAX_STEP && (0..i32::from(NOTHING)).contains(&label) {
+                        let label = pixels.continued(view, pixel, other).map(|order| order - zero);
+                        if let Some(label) = label.filter(|label| (0..i32::from(NOTHING)).contains(label)) {
                             contacts[label as usize] += 1;
                         }
                     }

@@ -60,6 +60,7 @@ use super::chosen::ChosenCandidates;
 use super::delta_statistics::DeltaSums;
 use super::disjoint_sets::DisjointSets;
 use super::drift::Drift;
+use super::neighbourhood::MAX_STEP;
 use super::pool::Pool;
 use super::segment_table::EpipolarAxis;
 use super::view::View;
@@ -75,7 +76,7 @@ const LARGE_TILE_PX: usize = 32;
 const LARGE_PX: usize = 800_000;
 /// Tile sizes: each is half the one before.
 const LEVELS: u8 = 3;
-/// Distance of the pixels whose bend is measured, and limit of bends, medians of their size: 2.5 sd.
+/// Distance of the pixels whose bend is measured.
 const BEND_STRIDE: usize = 37;
 
 /// Decisions about all pixels of C1, row by row. The old contents of the vectors do not matter.
@@ -130,6 +131,13 @@ impl Pixels<'_> {
     #[inline]
     fn absolute(&self, view: View<'_>, pixel: usize) -> i32 {
         (i32::from(self.chosen.order[pixel]) << 16) + i32::from(view.cam1.phase[pixel])
+    }
+
+    /// The order with which a pixel continues a decided one beside it. `None` if its phase does not continue.
+    #[inline]
+    fn continued(&self, view: View<'_>, pixel: usize, decided: usize) -> Option<i32> {
+        let step = i32::from(view.cam1.phase[pixel].wrapping_sub(view.cam1.phase[decided]) as i16);
+        (step.abs() <= MAX_STEP).then(|| (self.absolute(view, decided) + step) >> 16)
     }
 
     /// Takes a decision back.
