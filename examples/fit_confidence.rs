@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for number in 0..scenes {
         match samples_of(number) {
             Ok(samples) if is_lost(&samples) => {
-                eprintln!("scene {number} is left out: too many of its points are false")
+                eprintln!("scene {number} is left out: too many of its points are false");
             }
             Ok(samples) => (if number % 2 == 0 { &mut fitted } else { &mut judged }).extend(samples),
             Err(e) => eprintln!("scene {number} is left out: {e}"),
