@@ -96,6 +96,21 @@ impl SegmentRow {
         }
     }
 
+    /// Segments of a number of pixels, all zero, to be set one by one.
+    pub(super) fn of_pixels(count: usize) -> Self {
+        let mut row = Self::default();
+        row.arrays().into_iter().for_each(|array| array.resize(count, 0.0));
+        row
+    }
+
+    /// Sets the segment of a pixel.
+    #[inline]
+    pub(super) fn set(&mut self, pixel: usize, segment: &Segment) {
+        let Segment { ray, row_px, begin_px, end_px, reference_px, phase: [a, b, d] } = *segment;
+        let numbers = [begin_px, end_px, row_px, reference_px, a, b, d, ray[0], ray[1]];
+        self.arrays().into_iter().zip(numbers).for_each(|(array, number)| array[pixel] = number);
+    }
+
     /// Resizes to `patches`; all numbers are to be overwritten.
     pub(super) fn resize(&mut self, patches: usize) {
         for array in self.arrays() {

@@ -164,6 +164,18 @@ pub(in crate::correspondence) struct DepthRow {
 }
 
 impl DepthRow {
+    /// Fields of a number of pixels, all zero, to be set one by one.
+    pub(in crate::correspondence) fn of_pixels(count: usize) -> Self {
+        Self { coefficients: std::array::from_fn(|_| vec![0.0; count]), middle_px: vec![0.0; count], ..Self::default() }
+    }
+
+    /// Sets the field of a pixel.
+    #[inline]
+    pub(in crate::correspondence) fn set(&mut self, pixel: usize, field: &DepthPolynomial) {
+        self.coefficients.iter_mut().zip(field.coefficients).for_each(|(of_pixels, c)| of_pixels[pixel] = c);
+        (self.middle_px[pixel], self.per_px) = (field.middle_px, field.per_px);
+    }
+
     /// The field along the segment of the pixel in a column.
     #[inline]
     pub(in crate::correspondence) fn segment(&self, u: usize) -> DepthPolynomial {

@@ -1,26 +1,21 @@
 //! Evidence: the likelihood of the moments of δ of each node at every order.
 //!
 //! ```text
-//! for each tile row, in parallel; for each node; for each sampled pixel:
-//!     for its orders in all of space, 32 at once, all in one row of C2:
-//!         x = the column at which Φ − field is k turns more than the phase φ of the pixel
-//!         rest = δ of the crossing near x, less the field
-//!         add rest to the sums of label k
-//! ratio of each label from its sums; an order outside the volume starts with a handicap
+//! for each tile row, in parallel; for each node:
+//!     a few samples, at all orders in space: which labels can fit?
+//!     all samples, at these labels: sums of δ less the field
+//!     ratio of each label from its sums; an order outside the volume starts with a handicap
 //! ```
 
-use fringeflow_simd::{Kernel, LANES, Lanes, Level};
-
 use super::field::Uncertainty;
-use super::likelihood::{Look, Moments, Sums, Widths, radians};
-use super::model::Model;
+use super::likelihood::{Look, Moments, Sums, Widths};
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
-use super::orders::{Orders, PixelOrders, RestsOfOrders, SearchSpace, rests_of_orders};
+use super::orders::SearchSpace;
 use super::phase_runs::PhaseRuns;
-use crate::correspondence::drift::{DepthRow, Drift};
+use super::samples::{Grid, Outlook, Row, Samples};
+use crate::correspondence::drift::Drift;
 use crate::correspondence::pool::Pool;
-use crate::correspondence::segment::{Segment, SegmentRow};
 use crate::correspondence::view::View;
 
 /// Scores are counted in this many steps a nat.
@@ -111,24 +106,14 @@ impl Evidence {
                             tile_row.load(view, field, first, v);
                         }
                     }
-                    let kernel = NodeKernel {
-                        view,
-                        space,
-                        runs,
-                        node,
-                        pieces: &pieces[node.piece_range()],
-                        stride,
-                        first_row: first,
-                        tile_px,
-                        question,
-                        rows: &tile_row.rows,
-                    };
-                    let sums = fringeflow_simd::run(Level::in_use(), kernel);
-                    node.sampled = sums.sampled;
-                    node.noise = sums.noise / (sums.sampled.max(1)) as f32;
+                    let TileRow { rows, samples, listed, sums } = &mut *tile_row;
+                    let pieces = &pieces[node.piece_range()];
+                    let grid = Grid { runs, node, pieces, stride, tile_px, first_row: first, rows };
+                    samples.take(view, space, &grid, question);
+                    (node.sampled, node.noise) = (samples.sampled, samples.mean_noise());
                     let [most, whole] = question.outside_nats;
                     let handicap = most.min(whole / question.of_surface[node.surface as usize] as f32);
-                    sums.judge(view.model, node.noise, question, handicap, scores, fits);
+                    judge(view, (samples, listed, sums), question, handicap, scores, fits);
                 } else {
                     *scores = [0; LABELS];
                 }
@@ -205,18 +190,14 @@ impl TileRows<'_> {
     }
 }
 
-/// Segments and field of the rows of a tile row.
+/// Scratch of a tile row.
 #[derive(Clone, Debug, Default)]
 struct TileRow {
     rows: Vec<Row>,
-}
-
-/// Segments and field of a row.
-#[derive(Clone, Debug, Default)]
-struct Row {
-    is_loaded: bool,
-    segments: SegmentRow,
-    field: DepthRow,
+    samples: Samples,
+    /// The labels of a node that can fit, and their sums.
+    listed: Vec<u8>,
+    sums: Vec<Sums>,
 }
 
 impl TileRow {
@@ -230,180 +211,47 @@ impl TileRow {
     }
 }
 
-/// Room for labels, and for the lanes of the last vector behind them.
-const ROOM: usize = LABELS + LANES;
-/// Sums kept per label; their order is that of [`Sums`].
-const SUMS: usize = 11;
-
-/// The sums of all labels of a node.
-struct NodeSums {
-    sums: [[f32; ROOM]; SUMS],
-    sampled: u32,
-    noise: f32,
-    /// A segment of the node with the absolute phase of label 0 there, turns, and half a segment, pixels.
-    middle: Option<(Segment, f32)>,
-    half_px: f32,
-    /// First and last label any sample had, and those in the volume.
-    labels: [i32; 2],
-    inside: [f32; 2],
-}
-
-impl NodeSums {
-    /// Distance of a label from the middle of the segment, half segments.
-    fn place(&self, label: f32) -> f32 {
-        self.middle.map_or(0.0, |(segment, zero)| {
-            (segment.column_and_columns_per_turn(zero + label).0 - segment.reference_px) / self.half_px
-        })
-    }
-
-    /// Scores of all labels, and the fits.
-    fn judge(
-        &self,
-        model: &Model,
-        noise: f32,
-        question: &Question<'_>,
-        outside_nats: f32,
-        scores: &mut Scores,
-        fits: &mut Vec<Fit>,
-    ) {
-        let score = |nats: f32| (nats * STEPS_PER_NAT) as i16;
-        *scores = [score(model.unseen_nats); LABELS];
-        scores[usize::from(NOTHING)] = score(model.nothing_nats);
-        let [first, last] = self.labels;
-        let widest = question.widths.wrong_slopes[0].max(question.widths.slopes[0]);
-        for label in first.max(0)..=last.min(i32::from(NOTHING) - 1) {
-            let at = label as usize;
-            let [seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee] = std::array::from_fn(|k| self.sums[k][at]);
-            let sums = Sums { seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee };
-            let is_inside = label as f32 >= self.inside[0] && label as f32 <= self.inside[1];
-            let handicap = if is_inside { 0.0 } else { outside_nats };
-            let nats = match sums.look(self.sampled as f32, noise, widest, model) {
-                Look::Unseen => model.unseen_nats,
-                Look::Unfit => model.floor_nats,
-                Look::Fits(moments) => {
-                    let place = self.place(label as f32);
-                    let mean = question.widths.mean;
-                    let mean = (mean * mean + question.uncertainty.beyond(place)).sqrt();
-                    let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths }, model);
-                    fits.push(Fit { label: label as u8, is_inside, ratio, moments });
-                    ratio
-                }
-            };
-            scores[at] = score((nats - handicap).max(model.floor_nats));
-        }
-    }
-}
-
-/// Sums the samples of a node.
-struct NodeKernel<'a> {
-    view: View<'a>,
-    space: &'a SearchSpace,
-    runs: &'a PhaseRuns,
-    node: &'a Node,
-    pieces: &'a [super::nodes::Piece],
-    stride: usize,
-    first_row: usize,
-    tile_px: usize,
-    question: &'a Question<'a>,
-    rows: &'a [Row],
-}
-
-impl Kernel for NodeKernel<'_> {
-    type Output = NodeSums;
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) -> NodeSums {
-        let Self { view, space, runs, node, pieces, stride, first_row, tile_px, question, rows } = self;
-        let mut all = NodeSums {
-            sums: [[0.0; ROOM]; SUMS],
-            sampled: 0,
-            noise: 0.0,
-            middle: None,
-            half_px: space.half_px,
-            labels: [i32::MAX, i32::MIN],
-            inside: [f32::INFINITY, f32::NEG_INFINITY],
-        };
-        let (half, width) = (0.5 * tile_px as f32, view.cam1.width);
-        let middle = |tile: usize| (tile * tile_px) as f32 + half - 0.5;
-        let (middle_u, middle_v) = (middle(node.tile as usize), middle(first_row / tile_px));
-        for piece in pieces {
-            let v = piece.v as usize;
-            if v % stride != stride / 2 {
-                continue;
-            }
-            let row = &rows[v - first_row];
-            let begin = piece.begin as usize;
-            let first = begin + (stride / 2 + stride - begin % stride) % stride;
-            for u in (first..piece.end as usize).step_by(stride) {
-                let pixel = v * width + u;
-                let phase = view.cam1.phase[pixel];
-                let segment = row.segments.segment(u);
-                all.sampled += 1;
-                all.noise += question.noise.variance(view.cam1.modulation[pixel].grey());
-                let limits_px = space.limits_px(&segment, [u, v]);
-                let of_pixel = PixelOrders { segment, drift: row.field.segment(u), phase, limits_px };
-                let Some(orders) = of_pixel.orders() else { continue };
-                let relative = piece.offset + i32::from(runs.relative[pixel]);
-                let zero = relative + node.base;
-                all.middle = Some((segment, zero as f32 + f32::from(phase) / 65536.0));
-                let ends = segment.limits_px().map(|px| segment.phase_turns(px) - f32::from(phase) / 65536.0);
-                all.inside[0] = all.inside[0].min(ends[0].min(ends[1]) - zero as f32 - 0.5);
-                all.inside[1] = all.inside[1].max(ends[0].max(ends[1]) - zero as f32 + 0.5);
-                let first_order = orders.first.max(zero);
-                let last_order = orders.last.min(zero + i32::from(NOTHING) - 1);
-                all.labels[0] = all.labels[0].min(first_order - zero);
-                all.labels[1] = all.labels[1].max(last_order - zero);
-                let mut place = [(u as f32 - middle_u) / half, (v as f32 - middle_v) / half];
-                if question.is_vertical {
-                    place.swap(0, 1);
-                }
-                let own = Orders { last: last_order, ..orders };
-                let mut order = first_order;
-                while order <= last_order {
-                    let rests = rests_of_orders(lanes, view.cam2, &of_pixel, &own, order);
-                    add(lanes, &mut all.sums, (order - zero) as usize, place, &rests, question.cap);
-                    order += LANES as i32;
-                }
-            }
-        }
-        all
-    }
-}
-
-/// Adds the rests of consecutive labels from `label` on.
-#[inline(always)]
-fn add<L: Lanes>(
-    lanes: L,
-    sums: &mut [[f32; ROOM]; SUMS],
-    label: usize,
-    [u, v]: [f32; 2],
-    rests: &RestsOfOrders<L>,
-    cap: f32,
+/// Scores of all labels of a node, and the fits.
+fn judge(
+    view: View<'_>,
+    (samples, listed, sums): (&mut Samples, &mut Vec<u8>, &mut Vec<Sums>),
+    question: &Question<'_>,
+    outside_nats: f32,
+    scores: &mut Scores,
+    fits: &mut Vec<Fit>,
 ) {
-    let (zero, one) = (lanes.float(0.0), lanes.float(1.0));
-    let e = lanes.times_float(rests.rest_turns, lanes.float(radians(1.0)));
-    let fits = lanes.exceeds(lanes.float(cap), lanes.abs_float(e));
-    let fits = lanes.both(fits, lanes.truths(rests.known));
-    let own = |value: f32| lanes.select_float(fits, lanes.float(value), zero);
-    let e = lanes.select_float(fits, e, zero);
-    let (us, vs) = (lanes.float(u), lanes.float(v));
-    let values = [
-        lanes.select_float(lanes.truths(rests.known), one, zero),
-        own(1.0),
-        own(u),
-        own(v),
-        e,
-        own(u * u),
-        own(u * v),
-        own(v * v),
-        lanes.times_float(us, e),
-        lanes.times_float(vs, e),
-        lanes.times_float(e, e),
-    ];
-    for (sums, value) in sums.iter_mut().zip(values) {
-        if let Some(place) = sums.get_mut(label..).and_then(|rest| rest.first_chunk_mut::<LANES>()) {
-            let sum = lanes.add_float(lanes.load_floats(place), value);
-            lanes.store_floats(sum, place);
+    let model = view.model;
+    let score = |nats: f32| (nats * STEPS_PER_NAT) as i16;
+    *scores = [score(model.unseen_nats); LABELS];
+    scores[usize::from(NOTHING)] = score(model.nothing_nats);
+    let mut set = |samples: &Samples, label: u8, nats: f32| {
+        let handicap = if samples.is_inside(label) { 0.0 } else { outside_nats };
+        scores[usize::from(label)] = score((nats - handicap).max(model.floor_nats));
+    };
+    samples.screen(view.cam2, question.cap);
+    listed.clear();
+    let [first, last] = samples.labels;
+    for label in (first..=last).map(|label| label as u8) {
+        match samples.outlook(usize::from(label), model) {
+            Outlook::Unseen => set(samples, label, model.unseen_nats),
+            Outlook::Unfit => set(samples, label, model.floor_nats),
+            Outlook::Open => listed.push(label),
         }
+    }
+    samples.sum(view.cam2, question.cap, listed, sums);
+    let widest = question.widths.wrong_slopes[0].max(question.widths.slopes[0]);
+    for (&label, sums) in listed.iter().zip(&*sums) {
+        let nats = match sums.look(samples.sampled as f32, samples.mean_noise(), widest, model) {
+            Look::Unseen => model.unseen_nats,
+            Look::Unfit => model.floor_nats,
+            Look::Fits(moments) => {
+                let mean = question.widths.mean;
+                let mean = (mean * mean + question.uncertainty.beyond(samples.place_of(label))).sqrt();
+                let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths }, model);
+                fits.push(Fit { label, is_inside: samples.is_inside(label), ratio, moments });
+                ratio
+            }
+        };
+        set(samples, label, nats);
     }
 }

@@ -36,6 +36,7 @@ mod orders;
 mod parts;
 mod phase_runs;
 mod pixel_search;
+mod samples;
 mod verdict;
 
 use fringeflow_base::outcome::Outcome;

@@ -1,10 +1,10 @@
 //! The orders of a pixel of C1 in all of space, and δ of each.
 //!
 //! ```text
-//! for each order k of the pixel, 32 at once, all in one row of C2:
-//!     x = the column at which Φ − drift is k turns more than the phase φ of the pixel
+//! for 32 orders k of one pixel, or one order of 32 pixels:
+//!     x = the column at which Φ − field is k turns more than the phase φ of the pixel
 //!     v, g = phase of C2 at x less φ, and its slope, from the two columns around x
-//!     δ − drift = −v / g · dΦ/dx, of the crossing near x
+//!     δ − field = −v / g · dΦ/dx, of the crossing near x
 //! ```
 
 use fringeflow_simd::{LANES, Lanes, first_lanes};
@@ -57,31 +57,28 @@ impl SearchSpace {
     }
 }
 
-/// A pixel of C1 whose orders are asked.
+/// A pixel of C1 whose orders are asked, with Φ and the field along its segment.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PixelOrders {
+pub(super) struct Line {
     pub(super) segment: Segment,
-    pub(super) drift: DepthPolynomial,
+    pub(super) field: DepthPolynomial,
     pub(super) phase: u16,
-    /// First and last column searched.
-    pub(super) limits_px: [f32; 2],
-}
-
-/// The possible orders of a pixel, and the range of Φ that holds them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Orders {
-    pub(super) first: i32,
-    pub(super) last: i32,
+    /// Least and greatest Φ searched, turns.
     pub(super) phase_turns: [f32; 2],
 }
 
-impl PixelOrders {
-    /// The possible orders. `None` where Φ does not separate orders.
+impl Line {
+    /// The line of a pixel, between two columns. `None` where Φ does not separate orders.
     #[inline]
-    pub(super) fn orders(&self) -> Option<Orders> {
-        let [a, b, d] = self.segment.phase;
+    pub(super) fn within(
+        segment: Segment,
+        field: DepthPolynomial,
+        phase: u16,
+        [begin_px, end_px]: [f32; 2],
+    ) -> Option<Self> {
+        let [a, b, d] = segment.phase;
         let rise = b - a * d;
-        let [mut begin, mut end] = self.limits_px.map(|px| px - self.segment.reference_px);
+        let [mut begin, mut end] = [begin_px, end_px].map(|px| px - segment.reference_px);
         // Φ has its pole where the denominator is 0.
         let pole = (MIN_DENOMINATOR - 1.0) / d;
         if d > 0.0 {
@@ -90,57 +87,99 @@ impl PixelOrders {
             end = end.min(pole);
         }
         let at = |s: f32| (a + b * s) / (1.0 + d * s);
-        let (least, most) = (at(begin).min(at(end)), at(begin).max(at(end)));
-        let phase = f32::from(self.phase) / 65536.0;
+        let phase_turns = [at(begin).min(at(end)), at(begin).max(at(end))];
+        let [least, most] = phase_turns;
         let separates_orders = rise.abs() >= MIN_RISE && least >= -MAX_ORDER && most <= MAX_ORDER && begin < end;
-        let (first, last) = ((least - phase).ceil(), (most - phase).floor());
-        (separates_orders && first <= last).then_some(Orders {
-            first: first as i32,
-            last: last as i32,
-            phase_turns: [least, most],
-        })
+        separates_orders.then_some(Self { segment, field, phase, phase_turns })
+    }
+
+    /// First and last order; the first exceeds the last if there is none.
+    pub(super) fn orders(&self) -> [i32; 2] {
+        let ([least, most], phase_turns) = (self.phase_turns, f32::from(self.phase) / 65536.0);
+        [(least - phase_turns).ceil() as i32, (most - phase_turns).floor() as i32]
     }
 }
 
-/// δ less the drift of [`LANES`] orders of a pixel.
-pub(super) struct RestsOfOrders<L: Lanes> {
+/// Φ and the field along the segments of some pixels, one lane each.
+pub(super) struct Lines<L: Lanes> {
+    /// Coefficients of Φ, and the column from which they count.
+    pub(super) phase: [L::Floats; 3],
+    pub(super) reference_px: L::Floats,
+    pub(super) field: DepthBlock<L>,
+    /// Least and greatest Φ searched, turns.
+    pub(super) phase_turns: [L::Floats; 2],
+}
+
+/// Where C2 sees some orders.
+pub(super) struct Places<L: Lanes> {
+    pub(super) column_px: L::Floats,
+    /// Columns per turn of Φ.
+    per_turn: L::Floats,
+    /// The places within the image.
+    is_seen: L::Mask,
+}
+
+impl<L: Lanes> Lines<L> {
+    /// The line of one pixel in all lanes.
+    #[inline(always)]
+    pub(super) fn splat(lanes: L, line: &Line) -> Self {
+        let ([a, b, d], [least, most]) = (line.segment.phase, line.phase_turns);
+        Self {
+            phase: [lanes.float(a), lanes.float(b), lanes.float(d)],
+            reference_px: lanes.float(line.segment.reference_px),
+            field: DepthBlock::splat(lanes, &line.field),
+            phase_turns: [lanes.float(least), lanes.float(most)],
+        }
+    }
+
+    /// The places at which Φ − field has these values, turns.
+    #[inline(always)]
+    pub(super) fn places(&self, lanes: L, image: &EpipolarImage, turns: L::Floats) -> Places<L> {
+        let ([a, b, d], [least, most]) = (self.phase, self.phase_turns);
+        let turns = lanes.min_float(lanes.max_float(turns, least), most);
+        let inverse = lanes.over(lanes.float(1.0), lanes.sub_float(b, lanes.times_float(d, turns)));
+        let along = lanes.times_float(lanes.sub_float(turns, a), inverse);
+        let rise = lanes.sub_float(b, lanes.times_float(a, d));
+        let per_turn = lanes.times_float(lanes.times_float(inverse, inverse), rise);
+        let column = lanes.add_float(along, self.reference_px);
+        let column = lanes.add_float(column, lanes.times_float(self.field.at(lanes, column), per_turn));
+        let last_px = lanes.float((image.width - 2) as f32);
+        let (is_behind, is_before) = (lanes.reaches(column, lanes.float(0.0)), lanes.reaches(last_px, column));
+        let is_seen = lanes.mask_of(lanes.both(is_behind, is_before));
+        Places { column_px: lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px), per_turn, is_seen }
+    }
+}
+
+/// δ less the field of some orders.
+pub(super) struct Rests<L: Lanes> {
     /// Turns.
     pub(super) rest_turns: L::Floats,
-    /// The orders that the pixel has, and whose place C2 sees.
+    /// The orders whose place C2 sees.
     pub(super) known: L::Mask,
 }
 
-/// δ less the drift of [`LANES`] orders of a pixel from `first` on.
+/// δ less the field of the next `count` orders of a pixel, up to [`LANES`], the first of which has an absolute phase of
+/// `first_turns`.
 #[inline(always)]
 pub(super) fn rests_of_orders<L: Lanes>(
     lanes: L,
     image: &EpipolarImage,
-    pixel: &PixelOrders,
-    orders: &Orders,
-    first: i32,
-) -> RestsOfOrders<L> {
-    let (segment, [a, b, d]) = (&pixel.segment, pixel.segment.phase);
-    let rise = b - a * d;
+    line: &Line,
+    first_turns: f32,
+    count: usize,
+) -> Rests<L> {
     let ramp = lanes.floats(lanes.widen(lanes.load_signed(&RAMP)));
-    let phase_turns = f32::from(pixel.phase) / 65536.0;
-    let turns = lanes.add_float(ramp, lanes.float(first as f32 + phase_turns));
-    let [least, most] = orders.phase_turns;
-    let turns = lanes.min_float(lanes.max_float(turns, lanes.float(least)), lanes.float(most));
-    let denominator = lanes.sub_float(lanes.float(b), lanes.times_float(lanes.float(d), turns));
-    let inverse = lanes.over(lanes.float(1.0), denominator);
-    let along = lanes.times_float(lanes.sub_float(turns, lanes.float(a)), inverse);
-    let per_turn = lanes.times_float(lanes.times_float(inverse, inverse), lanes.float(rise));
-    let column = lanes.add_float(along, lanes.float(segment.reference_px));
-    let drift = DepthBlock::splat(lanes, &pixel.drift).at(lanes, column);
-    let column = lanes.add_float(column, lanes.times_float(drift, per_turn));
-    let last_px = lanes.float((image.width - 2) as f32);
-    let is_seen = lanes.mask_of(lanes.both(lanes.reaches(column, lanes.float(0.0)), lanes.reaches(last_px, column)));
-    let column = lanes.min_float(lanes.max_float(column, lanes.float(0.0)), last_px);
-    let around = columns_around(lanes, image, segment.row_px, pixel.phase, column);
-    let count = (orders.last - first + 1).clamp(0, LANES as i32) as u32;
-    let own = lanes.mask(first_lanes(count as usize));
-    let known = lanes.and(own, lanes.and(is_seen, around.known));
-    RestsOfOrders { rest_turns: residual_turns(lanes, &around, per_turn), known }
+    let turns = lanes.add_float(ramp, lanes.float(first_turns));
+    let places = Lines::splat(lanes, line).places(lanes, image, turns);
+    let around = columns_around(lanes, image, line.segment.row_px, line.phase, places.column_px);
+    rests(lanes, &places, &around, lanes.mask(first_lanes(count)))
+}
+
+/// δ less the field of the crossings near some places, of those that are asked.
+#[inline(always)]
+pub(super) fn rests<L: Lanes>(lanes: L, places: &Places<L>, around: &Around<L>, asked: L::Mask) -> Rests<L> {
+    let known = lanes.and(asked, lanes.and(places.is_seen, around.known));
+    Rests { rest_turns: residual_turns(lanes, around, places.per_turn), known }
 }
 
 const RAMP: [i16; LANES] = {
@@ -164,7 +203,7 @@ pub(super) struct Around<L: Lanes> {
     pub(super) known: L::Mask,
 }
 
-/// δ less the drift of the crossing near the places, turns. `per_turn` is the columns per turn of Φ.
+/// δ less the field of the crossing near the places, turns. `per_turn` is the columns per turn of Φ.
 #[inline(always)]
 fn residual_turns<L: Lanes>(lanes: L, around: &Around<L>, per_turn: L::Floats) -> L::Floats {
     let slope = lanes.floats(lanes.widen(around.slope));
