@@ -39,9 +39,10 @@
 //! | unique candidates of the sampled rows | `unique/kernel.rs`, `Search::block` |
 //! | neighbour votes | `support.rs`, `Votes::add_walk` |
 //! | breaks of the wrapped phase | `moments/phase_runs.rs`, `BreakKernel` |
-//! | δ of all orders of sampled pixels | `moments/evidence.rs`, `NodeKernel` |
+//! | orders that can fit a node | `moments/samples.rs`, `Screen` |
+//! | sums of δ over a node | `moments/samples.rs`, `AllSums` |
 //! | orders along surfaces | `moments/belief.rs`, `Propagation` |
-//! | one look at each pixel of a decided node | `moments/look.rs`, `BlockLook` |
+//! | one look at a pixel at an order | `moments/look.rs`, `BlockLook` |
 //!
 //! The kernels share `kernels/`: the segments of 32 pixels, and tables of 64 columns of C2.
 

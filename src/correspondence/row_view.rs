@@ -7,12 +7,6 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 use super::kernels::{MAX_COLUMN_STEP, interpolate_rows};
 
-/// Slopes at which a surface is continued beyond its rim, turns · 65536 per pixel. Flatter ones could end anywhere.
-pub(super) const RIM_SLOPES: RangeInclusive<i32> = 800..=26000;
-/// Change of slope up to which a neighbour continues a surface, so that there is no rim.
-pub(super) const MAX_RIM_BEND: i32 = 5000;
-/// How far a surface is continued beyond its rim, pixels: its true rim lies within the next pixel.
-const RIM_REACH_PX: f32 = 1.0;
 /// Blocks of columns searched at once: more than most segments have.
 const BLOCKS_AT_A_TIME: usize = 64;
 
@@ -121,25 +115,6 @@ impl<'a> RowView<'a> {
         ranges: &[RangeInclusive<usize>],
     ) -> Option<usize> {
         fringeflow_simd::run(Level::in_use(), AnyCrossing { row: self, limits_px, phase, ranges })
-    }
-
-    /// Calls `visit` with each place up to a pixel beyond the rim of a surface where the surface would have the phase
-    /// if it continued. A pixel of C1 on the rim has its point between two columns, and only one of these sees the
-    /// surface.
-    pub(super) fn rims(&self, phase: u16, columns: RangeInclusive<usize>, mut visit: impl FnMut(f32, i32)) {
-        let last = self.upper.len() - 1;
-        for column in *columns.start()..=(*columns.end()).min(last) {
-            let Some(here) = self.difference(column, phase) else { continue };
-            let left = column.checked_sub(1).and_then(|c| self.difference(c, phase));
-            let right = if column < last { self.difference(column + 1, phase) } else { None };
-            let mut visit_beyond = |outer: Option<i32>, inner: Option<i32>, sense: f32| {
-                if let Some((offset_px, slope)) = beyond_rim(here, outer, inner, sense) {
-                    visit(column as f32 + offset_px, slope);
-                }
-            };
-            visit_beyond(left, right, -1.0);
-            visit_beyond(right, left, 1.0);
-        }
     }
 }
 
@@ -255,53 +230,10 @@ fn crossing(column: usize, before: i32, after: i32) -> Option<f32> {
     Some(column as f32 + before as f32 / (before - after) as f32)
 }
 
-/// Where a surface would have the wanted phase beyond its last column, whose phase differs by `here` (turns · 65536):
-/// offset in the direction `sense` (−1 or 1), and slope. `outer` and `inner` are its neighbours; if `outer` continues
-/// the surface, there is no rim.
-#[inline]
-fn beyond_rim(here: i32, outer: Option<i32>, inner: Option<i32>, sense: f32) -> Option<(f32, i32)> {
-    let wrapped = |step: i32| i32::from(step as i16);
-    let outwards = wrapped(here - inner?);
-    let continued = outer.is_some_and(|outer| (wrapped(outer - here) - outwards).abs() <= MAX_RIM_BEND);
-    if continued || !RIM_SLOPES.contains(&outwards.abs()) {
-        return None;
-    }
-    let distance_px = -here as f32 / outwards as f32;
-    let within = distance_px > 0.0 && distance_px <= RIM_REACH_PX;
-    within.then_some((sense * distance_px, (sense * outwards as f32) as i32))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::correspondence::test_random::random;
-
-    /// A row whose columns 2 to 5 see a surface with 0.1 turn a column.
-    fn image() -> EpipolarImage {
-        let phase = |column: u16| if (2..=5).contains(&column) { 6554 * column } else { EpipolarImage::NO_PHASE };
-        EpipolarImage { width: 8, phase: (0..8).map(phase).collect(), ..EpipolarImage::default() }
-    }
-
-    fn rims(phase: u16) -> Vec<(f32, i32)> {
-        let image = image();
-        let mut found = Vec::new();
-        RowView::new(&image, 0.0).rims(phase, 0..=7, |column_px, slope| found.push((column_px, slope)));
-        found
-    }
-
-    #[test]
-    fn a_surface_goes_on_for_a_pixel_beyond_either_rim() {
-        let [(column_px, slope)] = rims(36047)[..] else { panic!() };
-        assert!((column_px - 5.5).abs() < 1e-3 && slope == 6554);
-        let [(column_px, slope)] = rims(8192)[..] else { panic!() };
-        assert!((column_px - 1.25).abs() < 1e-3 && slope == 6554);
-    }
-
-    #[test]
-    fn within_a_surface_and_far_beyond_it_there_are_no_rims() {
-        assert_eq!(rims(6554 * 3 + 100), []);
-        assert_eq!(rims(42601), []);
-    }
 
     #[test]
     fn many_columns_at_once_are_each_by_itself() {

@@ -6,8 +6,6 @@ use super::segment_fields::FIELDS;
 /// The epipolar segment of one pixel of C1, in the epipolar frame of C2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
-    /// Ray of the pixel in the frame of C1, scaled to z = 1: x and y.
-    pub ray: [f32; 2],
     /// Row, pixels.
     pub row_px: f32,
     /// First column, pixels. It exceeds `end_px` if the pixel has no segment.
@@ -73,10 +71,6 @@ pub struct SegmentRow {
     pub b: Vec<f32>,
     /// d, 1/pixel.
     pub d: Vec<f32>,
-    /// Rays in the frame of C1, scaled to z = 1: x.
-    pub ray_x: Vec<f32>,
-    /// y.
-    pub ray_y: Vec<f32>,
     /// Scratch for the coefficients of the table's fields along the row.
     pub(super) along_row: Vec<[[f32; POWERS]; FIELDS]>,
 }
@@ -87,7 +81,6 @@ impl SegmentRow {
     #[inline]
     pub fn segment(&self, u: usize) -> Segment {
         Segment {
-            ray: [self.ray_x[u], self.ray_y[u]],
             row_px: self.row_px[u],
             begin_px: self.begin_px[u],
             end_px: self.end_px[u],
@@ -96,18 +89,17 @@ impl SegmentRow {
         }
     }
 
-    /// Segments of a number of pixels, all zero, to be set one by one.
-    pub(super) fn of_pixels(count: usize) -> Self {
-        let mut row = Self::default();
-        row.arrays().into_iter().for_each(|array| array.resize(count, 0.0));
-        row
+    /// Makes room for the segments of a number of pixels, to be set one by one.
+    pub(super) fn make_room(&mut self, count: usize) {
+        let room = self.a.len().max(count);
+        self.arrays().into_iter().for_each(|array| array.resize(room, 0.0));
     }
 
     /// Sets the segment of a pixel.
     #[inline]
     pub(super) fn set(&mut self, pixel: usize, segment: &Segment) {
-        let Segment { ray, row_px, begin_px, end_px, reference_px, phase: [a, b, d] } = *segment;
-        let numbers = [begin_px, end_px, row_px, reference_px, a, b, d, ray[0], ray[1]];
+        let Segment { row_px, begin_px, end_px, reference_px, phase: [a, b, d] } = *segment;
+        let numbers = [begin_px, end_px, row_px, reference_px, a, b, d];
         self.arrays().into_iter().zip(numbers).for_each(|(array, number)| array[pixel] = number);
     }
 
@@ -119,7 +111,7 @@ impl SegmentRow {
         self.along_row.resize(patches, [[0.0; POWERS]; FIELDS]);
     }
 
-    fn arrays(&mut self) -> [&mut Vec<f32>; 9] {
+    fn arrays(&mut self) -> [&mut Vec<f32>; 7] {
         [
             &mut self.begin_px,
             &mut self.end_px,
@@ -128,8 +120,6 @@ impl SegmentRow {
             &mut self.a,
             &mut self.b,
             &mut self.d,
-            &mut self.ray_x,
-            &mut self.ray_y,
         ]
     }
 }

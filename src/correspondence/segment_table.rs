@@ -119,7 +119,6 @@ impl SegmentTable {
         let [a, rise, d] = [AT_REFERENCE, RISE, DENOMINATOR].map(|field| fields.at(field, u));
         let [begin_px, end_px] = self.limits_px(pixel);
         Segment {
-            ray: [fields.at(RAY_X, u), fields.at(RAY_Y, u)],
             row_px: fields.at(ROW, u),
             begin_px,
             end_px,
@@ -135,6 +134,15 @@ impl SegmentTable {
         let (begin, end) = self.limits_of_row(v);
         let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
         fringeflow_simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
+    }
+
+    /// Ray of a pixel in the frame of C1, scaled to z = 1: x and y.
+    #[must_use]
+    #[inline]
+    pub fn ray(&self, pixel: usize) -> [f32; 2] {
+        let (u, v) = self.column_and_row(pixel);
+        let fields = self.fields.row(v);
+        [fields.at(RAY_X, u), fields.at(RAY_Y, u)]
     }
 
     /// Rays and epipolar rows of row `v` of C1.
@@ -228,15 +236,7 @@ impl SegmentTable {
     #[must_use]
     #[inline]
     pub fn nearness_to_cam2(&self, pixel: usize) -> f32 {
-        let (u, v) = self.column_and_row(pixel);
-        let fields = self.fields.row(v);
-        self.nearness_of_ray([fields.at(RAY_X, u), fields.at(RAY_Y, u)])
-    }
-
-    /// As [`Self::nearness_to_cam2`], for a ray of C1, x and y at z = 1.
-    #[inline(always)]
-    pub(super) fn nearness_of_ray(&self, [x, y]: [f32; 2]) -> f32 {
-        let [bx, by, bz] = self.base;
+        let ([x, y], [bx, by, bz]) = (self.ray(pixel), self.base);
         (x * bx + y * by + bz) / (x * x + y * y + 1.0).sqrt()
     }
 
@@ -265,7 +265,7 @@ impl RayRow<'_> {
     pub const PIXELS: usize = PATCH_PX;
 
     /// Rays, x and y at z = 1, and epipolar rows, pixels, of the k-th patch of the row; bit for bit as by
-    /// [`SegmentTable::row`].
+    /// [`SegmentTable::ray`] and [`SegmentTable::row`].
     #[must_use]
     #[inline(always)]
     pub fn patch(&self, k: usize) -> [[f32; PATCH_PX]; 3] {
@@ -292,8 +292,6 @@ impl Kernel for RowKernel<'_> {
         let Self { fields, begin, end, per_px, row } = self;
         fields.along_row(&mut row.along_row);
         let along_row = &row.along_row;
-        fill(&mut row.ray_x, along_row, RAY_X);
-        fill(&mut row.ray_y, along_row, RAY_Y);
         fill(&mut row.row_px, along_row, ROW);
         fill(&mut row.reference_px, along_row, REFERENCE);
         fill(&mut row.a, along_row, AT_REFERENCE);

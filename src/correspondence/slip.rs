@@ -29,9 +29,9 @@ const MIN_AGREEMENT: f64 = 0.6;
 const MIN_RATIO_TO_NOMINAL: f64 = 2.0;
 /// Ratio by which it must agree better than every other slip.
 const MIN_RATIO_TO_OTHERS: f64 = 1.15;
-/// Ratio by which surfaces must fit better with a slip. With a slip it is 2.5 and more (bodies alone and before
-/// boards); it was 0.95 where a board 5 mm beyond the volume agreed with one.
-const MIN_EXPLAINED_RATIO: f64 = 1.25;
+/// Ratio by which surfaces must fit better with a slip. With a slip it is 1.2 to 2.5: a calibration error of pixels can
+/// explain a slip too. It was 0.95 where a board 5 mm beyond the volume agreed with one.
+const MIN_EXPLAINED_RATIO: f64 = 1.1;
 
 /// Phases without the slip.
 pub(super) struct Corrected {

@@ -283,24 +283,33 @@ fn surfaces_outside_the_volume_do_not_distort_the_drift() {
 
 #[test]
 fn confidence_is_the_share_of_true_points_and_its_minimum_is_respected() {
-    let simulation = simulation(Object::Clutter);
-    let reconstruct_at = |min_confidence: f32| {
+    let reconstruct_at = |simulation: &Simulation, min_confidence: f32| {
         let mut settings = Settings::default();
         settings.matching.min_confidence = min_confidence;
         let sensor = Sensor::exposed(NoiseLevel::Normal.noise(), 1.0);
-        reconstruct_with_settings(&sensor, &simulation, CameraId::BOTH, simulation.rig(), settings).unwrap()
+        reconstruct_with_settings(&sensor, simulation, CameraId::BOTH, simulation.rig(), settings).unwrap()
     };
-    let result = reconstruct_at(0.5);
-    let parts = reliability(&result.cloud, &evaluate(&simulation, &result).judgements, SIZE_PX[0]);
-    assert_eq!(parts.len(), 10);
-    for (index, part) in parts.into_iter().enumerate() {
-        // In such small images, more pixels lie beside edges. Their stated confidence is too low.
-        // False points of one scene come in patches, so the least sure tenth scatters.
-        let allowed = if index == 0 { -0.6..5.0 } else { -0.3..1.5 };
-        let error = part.true_percent - part.stated_percent;
-        assert!(allowed.contains(&error), "{part:?}");
+    // False points come in patches, a few in each scene: one scene alone shows the share of them to a third.
+    let mut errors = [[0.0; 2]; 10];
+    for object in [Object::Clutter, Object::Crumbs, Object::Machine, Object::Elephant] {
+        let simulation = simulation(object);
+        let result = reconstruct_at(&simulation, 0.5);
+        let parts = reliability(&result.cloud, &evaluate(&simulation, &result).judgements, SIZE_PX[0]);
+        assert_eq!(parts.len(), errors.len());
+        for ([sum, points], part) in errors.iter_mut().zip(parts) {
+            *sum += part.points as f64 * (part.true_percent - part.stated_percent);
+            *points += part.points as f64;
+        }
     }
-    let confident = reconstruct_at(0.99);
+    for (index, [sum, points]) in errors.into_iter().enumerate() {
+        // In such small images, more pixels lie beside edges. Their stated confidence is too low.
+        let allowed = if index == 0 { 5.0 } else { 1.5 };
+        let error = sum / points;
+        assert!(error > -0.3 && error < allowed, "tenth {index}: {error}");
+    }
+    let simulation = simulation(Object::Clutter);
+    let result = reconstruct_at(&simulation, 0.5);
+    let confident = reconstruct_at(&simulation, 0.99);
     assert!(confident.cloud.points.iter().all(|point| (0.99..=1.0).contains(&point.confidence)));
     let [all, some] = [&result, &confident].map(|result| scores(&simulation, result));
     assert!(some.points < all.points && some.fpc_percent < 0.7 * all.fpc_percent, "{all:?} {some:?}");

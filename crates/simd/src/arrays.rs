@@ -214,12 +214,13 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn pairs(self, table: &[u16], places: Longs) -> [Words; 2] {
         let last = table.len() - 2;
-        let mut words = [[0; LANES]; 2];
+        // Both words of a pair are loaded at once, and separated by vectors.
+        let mut pairs = [0_u32; LANES];
         for k in 0..LANES {
             let place = (places[k] as u32 as usize).min(last);
-            (words[0][k], words[1][k]) = (table[place] as i16, table[place + 1] as i16);
+            pairs[k] = u32::from(table[place]) | u32::from(table[place + 1]) << 16;
         }
-        words
+        [map(pairs, |pair| pair as i16), map(pairs, |pair| (pair >> 16) as i16)]
     }
     #[inline(always)]
     fn store_longs(self, a: Longs, to: &mut [i32; LANES]) {

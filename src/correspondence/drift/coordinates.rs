@@ -105,7 +105,8 @@ impl DriftCoordinates {
         for (&coefficient, [i, j, k]) in polynomial.iter().zip(EXPONENTS) {
             coefficients[i][k] += coefficient * py[j];
         }
-        RowPolynomial { places: *self, y, coefficients }
+        // From here on single precision is exact enough, and twice as fast.
+        RowPolynomial { places: *self, y, coefficients: coefficients.map(|of_power| of_power.map(|c| c as f32)) }
     }
 
     /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
@@ -129,16 +130,17 @@ pub(in crate::correspondence) struct RowPolynomial {
     places: DriftCoordinates,
     y: f64,
     /// Factor of xⁱ·dᵏ at `[i][k]`.
-    coefficients: [[f64; DEGREE + 1]; DEGREE + 1],
+    coefficients: [[f32; DEGREE + 1]; DEGREE + 1],
 }
 
 impl RowPolynomial {
     /// The polynomial along the segment of the pixel in a column: the same bits as those of [`DepthRow::segment`].
     pub(in crate::correspondence) fn segment(&self, u: usize) -> DepthPolynomial {
         let [x, _] = self.places.image(u as f64, 0.0);
-        let factor = |k: usize| (0..=DEGREE - k).rev().fold(0.0, |sum, power| sum * x + self.coefficients[power][k]);
+        let at = x as f32;
+        let factor = |k: usize| (0..=DEGREE - k).rev().fold(0.0, |sum, power| sum * at + self.coefficients[power][k]);
         DepthPolynomial {
-            coefficients: std::array::from_fn(|k| factor(k) as f32),
+            coefficients: std::array::from_fn(factor),
             middle_px: self.places.middle_at([x, self.y]) as f32,
             per_px: (1.0 / self.places.scale_px) as f32,
         }
@@ -164,9 +166,10 @@ pub(in crate::correspondence) struct DepthRow {
 }
 
 impl DepthRow {
-    /// Fields of a number of pixels, all zero, to be set one by one.
-    pub(in crate::correspondence) fn of_pixels(count: usize) -> Self {
-        Self { coefficients: std::array::from_fn(|_| vec![0.0; count]), middle_px: vec![0.0; count], ..Self::default() }
+    /// Makes room for the fields of a number of pixels, to be set one by one.
+    pub(in crate::correspondence) fn make_room(&mut self, count: usize) {
+        let room = self.middle_px.len().max(count);
+        self.coefficients.iter_mut().chain([&mut self.middle_px]).for_each(|array| array.resize(room, 0.0));
     }
 
     /// Sets the field of a pixel.
@@ -256,18 +259,19 @@ impl Kernel for DepthKernel<'_> {
             for i in 0..BLOCK {
                 middle_px[i] = (a + b * x[i] + c * y) as f32;
             }
+            let mut at = [0.0; BLOCK];
+            for i in 0..BLOCK {
+                at[i] = x[i] as f32;
+            }
             for k in 0..=DEGREE {
                 let mut sums = [0.0; BLOCK];
                 // Horner's rule; terms of a higher total degree do not exist.
                 for power in (0..=DEGREE - k).rev() {
                     for i in 0..BLOCK {
-                        sums[i] = sums[i] * x[i] + coefficients[power][k];
+                        sums[i] = sums[i] * at[i] + coefficients[power][k];
                     }
                 }
-                let out = &mut out.coefficients[k][block * BLOCK..][..BLOCK];
-                for i in 0..BLOCK {
-                    out[i] = sums[i] as f32;
-                }
+                out.coefficients[k][block * BLOCK..][..BLOCK].copy_from_slice(&sums);
             }
         }
     }

@@ -10,13 +10,16 @@
 use rayon::prelude::*;
 
 use super::likelihood::radians;
-use super::look::{Seen, nearest};
+use super::look::{self, Looks, NO_ORDER, Seen};
 use super::noise::Noise;
-use super::pixel_search::PixelSearch;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
-use crate::correspondence::drift::Drift;
+use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::pool::Pool;
+use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
+/// Pixels around one.
+const NEIGHBOURS: usize = 8;
 /// How many pixels deep a rim is.
 const RIM_ROUNDS: usize = 3;
 
@@ -26,6 +29,8 @@ struct Adopted {
     pixel: usize,
     order: i16,
     part: u32,
+    /// Distance of δ from what the part shows, turns.
+    off: f32,
     seen: Seen,
 }
 
@@ -36,9 +41,20 @@ pub(super) struct Adoption {
     rows: Vec<Vec<Adopted>>,
     /// Columns of the open pixels of each row that are asked.
     asked: Vec<Vec<u32>>,
+    /// The last order at which each pixel was asked in vain, [`NO_ORDER`] if there is none.
+    refused: Vec<i16>,
+    /// In which round each pixel was adopted, from 1 on; 0 if it was not.
+    pub(super) depths: Vec<u8>,
+    pool: Pool<Asked>,
 }
 
 impl Adoption {
+    /// Forgets what the pixels of an earlier image adopted.
+    pub(super) fn forget(&mut self, count: usize) {
+        self.depths.clear();
+        self.depths.resize(count, 0);
+    }
+
     /// Adopts open pixels with a phase.
     pub(super) fn adopt(
         &mut self,
@@ -48,7 +64,7 @@ impl Adoption {
         noise: Noise,
         pixels: &mut Pixels<'_>,
     ) {
-        let Self { rows, asked } = self;
+        let Self { rows, asked, refused, depths, pool } = self;
         let (width, height) = (view.cam1.width, view.cam1.height);
         rows.resize_with(height, Vec::new);
         asked.resize_with(height, Vec::new);
@@ -58,20 +74,23 @@ impl Adoption {
             asked.clear();
             asked.extend((0..width as u32).filter(|&u| is_open(before, v * width + u as usize)));
         });
+        refused.clear();
+        refused.resize(width * height, NO_ORDER);
         for round in 0.. {
             let before = &*pixels;
-            let least_reach = if round < RIM_ROUNDS { view.model.rim_rad } else { 0.0 };
-            rows.par_iter_mut().zip(&mut *asked).enumerate().for_each(|(v, (adopted, asked))| {
+            let least_reach = if round < RIM_ROUNDS { view.model.rim_rad / radians(1.0) } else { 0.0 };
+            let of_rows = rows.par_iter_mut().zip(&mut *asked).zip(refused.par_chunks_mut(width));
+            of_rows.enumerate().for_each(|(v, ((adopted, asked), refused))| {
                 adopted.clear();
                 asked.sort_unstable();
                 asked.dedup();
                 if !asked.is_empty() {
                     let of_fit = (field, parts, noise, least_reach);
-                    adopt_row(view, of_fit, before, v, asked, adopted);
+                    adopt_row(view, of_fit, before, (v, asked), &mut pool.take(), (adopted, refused));
                 }
                 asked.clear();
             });
-            for Adopted { pixel, order, part, seen } in rows.iter().flatten() {
+            for Adopted { pixel, order, part, seen, .. } in rows.iter().flatten() {
                 let pixel = *pixel;
                 pixels.chosen.column_px[pixel] = seen.column_px;
                 pixels.chosen.order[pixel] = *order;
@@ -80,9 +99,10 @@ impl Adoption {
                 pixels.rest[pixel] = seen.rest;
                 pixels.state[pixel] = if seen.in_volume { INSIDE } else { BEYOND };
                 pixels.owner[pixel] = *part;
+                depths[pixel] = (round + 1).min(usize::from(u8::MAX)) as u8;
             }
             for Adopted { pixel, .. } in rows.iter().flatten() {
-                for (u, v) in around(*pixel, width, height) {
+                for (u, v) in around([*pixel % width, *pixel / width], width, height) {
                     if is_open(pixels, v * width + u) {
                         asked[v].push(u as u32);
                     }
@@ -95,74 +115,91 @@ impl Adoption {
     }
 }
 
+/// Pixels of a row that are asked, each at an order, one array per number.
+#[derive(Clone, Debug, Default)]
+struct Asked {
+    segments: SegmentRow,
+    field: DepthRow,
+    phase: Vec<u16>,
+    orders: Vec<i16>,
+    offsets: Vec<f32>,
+    reach: Vec<f32>,
+    /// Column, and part of the neighbour.
+    of: Vec<(usize, u32)>,
+}
+
+impl Asked {
+    fn clear(&mut self, room: usize) {
+        let Self { segments, field, phase, orders, offsets, reach, of } = self;
+        segments.make_room(room);
+        field.make_room(room);
+        phase.clear();
+        [offsets, reach].into_iter().for_each(Vec::clear);
+        orders.clear();
+        of.clear();
+    }
+}
+
+/// Asks pixels of a row, at the orders with which they continue their neighbours.
 fn adopt_row(
     view: View<'_>,
     (field, parts, noise, least_reach): (&Drift, &[Part], Noise, f32),
     pixels: &Pixels<'_>,
-    v: usize,
-    asked: &[u32],
-    adopted: &mut Vec<Adopted>,
+    (v, columns): (usize, &[u32]),
+    asked: &mut Asked,
+    (adopted, refused): (&mut Vec<Adopted>, &mut [i16]),
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
     let along = field.in_row(v);
-    for u in asked.iter().map(|&u| u as usize) {
+    asked.clear(NEIGHBOURS * columns.len());
+    for u in columns.iter().map(|&u| u as usize) {
         let pixel = v * width + u;
-        let phase = view.cam1.phase[pixel];
-        let mut tried: [(i32, u32); 8] = [(i32::MIN, 0); 8];
-        let mut count = 0;
-        for (nu, nv) in around(pixel, width, height) {
+        let before = asked.orders.len();
+        for (nu, nv) in around([u, v], width, height) {
             let other = nv * width + nu;
             if pixels.state[other] == OPEN {
                 continue;
             }
-            let Some(order) = pixels.continued(view, pixel, other) else { continue };
-            if tried[..count].iter().all(|(tried, _)| *tried != order) {
-                tried[count] = (order, pixels.owner[other]);
-                count += 1;
+            let Some(order) = pixels.continued(view, pixel, other).map(|order| order as i16) else { continue };
+            if order != refused[u] && !asked.orders[before..].contains(&order) {
+                let part = pixels.owner[other];
+                asked.orders.push(order);
+                asked.of.push((u, part));
+                asked.offsets.push(parts[part as usize].offset);
             }
         }
-        if count == 0 {
+        if asked.orders.len() == before {
             continue;
         }
-        let segment = view.table.segment(pixel);
-        if segment.row_px < 0.0 {
-            continue;
+        // A larger reach did not help, so a smaller one will not.
+        refused[u] = asked.orders[before];
+        let (segment, field) = (view.table.segment(pixel), along.segment(u));
+        let reach = look::reach_turns(view.model, noise, view.cam1.modulation[pixel]).max(least_reach);
+        for i in before..asked.orders.len() {
+            asked.segments.set(i, &segment);
+            asked.field.set(i, &field);
+            asked.phase.push(view.cam1.phase[pixel]);
+            asked.reach.push(reach);
         }
-        let limits_px = [0.0, (view.cam2.width - 1) as f32];
-        let search = PixelSearch::within(view.cam2, segment, along.segment(u), phase, limits_px);
-        let sd = noise.variance(view.cam1.modulation[pixel].grey()).sqrt();
-        let mut best: Option<(f32, Adopted)> = None;
-        for &(order, part) in &tried[..count] {
-            let offset = parts[part as usize].offset / radians(1.0);
-            let reach = (view.model.max_sd * sd).max(least_reach) / radians(1.0);
-            let Some([begin, end]) = search.columns_of(order, reach + offset.abs()) else { continue };
-            let mut consider = |column_px: f32, slope: i32| {
-                let (found, rest) = search.order_and_residual(column_px);
-                let off = (rest - offset).abs();
-                if found == order && off < best.as_ref().map_or(reach, |(least, _)| *least) {
-                    let drift = search.drift.at(column_px);
-                    let seen = Seen {
-                        column_px,
-                        delta: nearest(65536.0 * (rest + drift)),
-                        rest: nearest(65536.0 * rest),
-                        slope: slope as i16,
-                        in_volume: search.is_in_volume(column_px),
-                    };
-                    best = Some((off, Adopted { pixel, order: order as i16, part, seen }));
-                }
-            };
-            search.crossings([begin, end], &mut consider);
-            let columns = (begin.max(0.0) as usize).saturating_sub(1)..=end.max(0.0).ceil() as usize + 1;
-            search.row.rims(phase, columns, &mut consider);
-        }
-        adopted.extend(best.map(|(_, adopted)| adopted));
     }
+    let Asked { segments, field, phase, orders, offsets, reach, of } = asked;
+    let looks =
+        Looks { model: view.model, image: view.cam2, segments, field, phase, orders, offsets, reach, at_rims: true };
+    looks.for_each(|i, seen| {
+        let (u, part) = of[i];
+        let off = (f32::from(seen.rest) / 65536.0 - offsets[i] / radians(1.0)).abs();
+        let own = Adopted { pixel: v * width + u, order: orders[i], part, off, seen: *seen };
+        match adopted.last_mut().filter(|last| last.pixel == own.pixel) {
+            Some(last) if last.off <= off => {}
+            Some(last) => *last = own,
+            None => adopted.push(own),
+        }
+    });
 }
 
 /// Columns and rows of the eight pixels around one, within the image.
-fn around(pixel: usize, width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
+fn around([u, v]: [usize; 2], width: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
     const AROUND: [(isize, isize); 8] = [(0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
-    let (u, v) = (pixel % width, pixel / width);
     let places =
         AROUND.into_iter().filter_map(move |(dv, du)| Some((u.checked_add_signed(du)?, v.checked_add_signed(dv)?)));
     places.filter(move |&(u, v)| u < width && v < height)

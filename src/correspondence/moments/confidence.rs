@@ -2,13 +2,14 @@
 
 use super::continuity::NEIGHBOURS;
 use super::decay::decay;
+use super::likelihood::ln;
 
 /// Log odds of a point for each of its [`Grounds::terms`]: a logistic regression, as `examples/fit_confidence.rs` does it,
 /// to the scenes with even numbers of the first 96 of the list to build with.
-const FACTORS: [f32; CONFIDENCE_TERMS] = [0.45, 0.29, 0.18, 0.19, 3.34];
+const FACTORS: [f32; CONFIDENCE_TERMS] = [1.65, 0.29, 0.18, 0.17, 2.20, 0.68];
 
 /// Number of factors of the model.
-pub const CONFIDENCE_TERMS: usize = 5;
+pub const CONFIDENCE_TERMS: usize = 6;
 
 /// What speaks for and against a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,6 +22,8 @@ pub struct Grounds {
     pub cost_nats: f32,
     /// How many of the eight pixels around it continue its absolute phase.
     pub continuing: u8,
+    /// How many pixels lie between it and the pixels of the node that it continues, and itself; 0 if it is one of them.
+    pub depth: u8,
 }
 
 impl Grounds {
@@ -28,7 +31,7 @@ impl Grounds {
     #[must_use]
     pub fn terms(&self) -> [f32; CONFIDENCE_TERMS] {
         let continuing = f32::from(self.continuing) / f32::from(NEIGHBOURS);
-        [1.0, self.surface, self.odds_nats, -self.cost_nats, continuing]
+        [1.0, self.surface, self.odds_nats, -self.cost_nats, continuing, -ln(1.0 + f32::from(self.depth))]
     }
 }
 
@@ -44,10 +47,9 @@ impl Confidence {
     /// The confidence that these grounds give; never [`Self::NONE`].
     pub(super) fn of(grounds: &Grounds) -> Self {
         let nats: f32 = grounds.terms().iter().zip(FACTORS).map(|(term, factor)| term * factor).sum();
-        let odds_against = decay(f64::from(nats.abs()));
-        let unlikely = odds_against / (1.0 + odds_against);
-        let probability = if nats < 0.0 { unlikely } else { 1.0 - unlikely };
-        Self((probability * f64::from(u16::MAX)).round().max(1.0) as u16)
+        let unlikely = UNLIKELY.at(nats.abs());
+        let steps = if nats < 0.0 { unlikely } else { f32::from(u16::MAX) - unlikely };
+        Self((steps + 0.5).max(1.0) as u16)
     }
 
     /// As a number between 0 and 1.
@@ -57,14 +59,44 @@ impl Confidence {
     }
 }
 
+/// 1 / (1 + eˣ) in steps of [`Confidence`], at the ends of intervals of x; 0 beyond.
+struct Logistic([f32; Self::PER_NAT * Self::MAX_NATS + 2]);
+
+static UNLIKELY: Logistic = Logistic::new();
+
+impl Logistic {
+    /// Intervals per nat: between their ends the function is straight to a fifth of a step.
+    const PER_NAT: usize = 64;
+    const MAX_NATS: usize = 12;
+
+    const fn new() -> Self {
+        let mut ends = [0.0; Self::PER_NAT * Self::MAX_NATS + 2];
+        let mut i = 0;
+        while i < ends.len() {
+            let odds_against = decay(i as f64 / Self::PER_NAT as f64);
+            ends[i] = (u16::MAX as f64 * odds_against / (1.0 + odds_against)) as f32;
+            i += 1;
+        }
+        Self(ends)
+    }
+
+    /// The value for x ≥ 0.
+    fn at(&self, x: f32) -> f32 {
+        let place = (x * Self::PER_NAT as f32).min((Self::PER_NAT * Self::MAX_NATS) as f32);
+        let i = place as usize;
+        let share = place - i as f32;
+        self.0[i] + share * (self.0[i + 1] - self.0[i])
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn confidence_rises_with_each_ground_and_falls_with_the_cost() {
-        let usual = Grounds { surface: 2.0, odds_nats: 4.0, cost_nats: 1.0, continuing: 6 };
-        let mut last = [Confidence::NONE; 4];
+        let usual = Grounds { surface: 2.0, odds_nats: 4.0, cost_nats: 1.0, continuing: 6, depth: 20 };
+        let mut last = [Confidence::NONE; 5];
         for i in 0..40_u8 {
             let x = 0.25 * f32::from(i);
             let each = [
@@ -72,6 +104,7 @@ mod tests {
                 Grounds { odds_nats: x - 5.0, ..usual },
                 Grounds { cost_nats: 10.0 - x, ..usual },
                 Grounds { continuing: i / 5, ..usual },
+                Grounds { depth: 40 - i, ..usual },
             ];
             for (last, now) in last.iter_mut().zip(each.map(|grounds| Confidence::of(&grounds))) {
                 assert!(now >= *last && now > Confidence::NONE && now.probability() <= 1.0);

@@ -2,15 +2,20 @@
 
 /// e^(−x) for x ≥ 0, exact to 1e-6, and 0 beyond 18. The C library differs from processor to processor in the last bit.
 #[inline(always)]
-pub(super) fn decay(x: f64) -> f64 {
+pub(super) const fn decay(x: f64) -> f64 {
     /// Squarings that undo the division of the exponent.
     const SQUARINGS: i32 = 5;
     if x > 18.0 {
         return 0.0;
     }
-    let x = x / f64::from(1 << SQUARINGS);
-    let series = 1.0 - x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
-    (0..SQUARINGS).fold(series, |value, _| value * value)
+    let x = x / (1 << SQUARINGS) as f64;
+    let mut value = 1.0 - x * (1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0 * (1.0 - x / 6.0)))));
+    let mut squared = 0;
+    while squared < SQUARINGS {
+        value *= value;
+        squared += 1;
+    }
+    value
 }
 
 #[cfg(test)]

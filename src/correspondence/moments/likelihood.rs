@@ -206,6 +206,7 @@ fn student(x: f32, variance: f32) -> f32 {
 }
 
 /// What the square of a distance in sd costs under Student's t, nats.
+#[inline]
 pub(super) fn student_cost(square: f32) -> f32 {
     2.0 * ln(1.0 + square / 3.0)
 }
@@ -216,6 +217,7 @@ pub(super) fn student_weight(square: f32) -> f32 {
 }
 
 /// Natural logarithm of a positive number to 1e-6, the same bits on every machine.
+#[inline]
 pub(super) fn ln(x: f32) -> f32 {
     let bits = x.to_bits();
     // x = m · 2ᵉ, m from 0.7 to 1.4.

@@ -1,12 +1,15 @@
-//! One look at each pixel, at the order of its node.
+//! One look at a pixel, at one order.
 //!
 //! ```text
 //! x = the column at which Φ − field − offset of the surface is order + phase of the pixel
 //! repeat a few times, while C2 has phases in the columns around x:
 //!     x = where the line through these phases has the phase of the pixel
-//! at a rim, where only one of the columns sees the surface, the last line is continued by up to a pixel
-//! decided: |δ − field − offset| is small in units of the noise of the pixel
+//! at a rim, where only one of the columns sees the surface, the last line is continued by up to a pixel; there the
+//!     columns beside x are tried too
+//! decided: |δ − field − offset| is within the reach of the pixel
 //! ```
+//!
+//! A node's pixels are all looked at, at its order; adoption looks at the pixels beside decided ones.
 
 use rayon::prelude::*;
 
@@ -31,8 +34,10 @@ use crate::phase::Modulation;
 const MAX_ITERATIONS: usize = 3;
 /// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
 const MAX_MOVE_PX: f32 = 2.0;
+/// The columns that are tried at rims, pixels from the expected one.
+const BESIDE_PX: [f32; 3] = [0.0, -1.0, 1.0];
 /// Stands for no order.
-const NO_ORDER: i16 = i16::MIN;
+pub(super) const NO_ORDER: i16 = i16::MIN;
 
 /// Scratch of a tile row.
 #[derive(Clone, Debug, Default)]
@@ -43,7 +48,7 @@ pub(super) struct TileRow {
     orders: Vec<i16>,
     offsets: Vec<f32>,
     parts: Vec<u32>,
-    sd: Vec<f32>,
+    reach: Vec<f32>,
 }
 
 /// Looks at all open pixels of the nodes that have a part. `parts` is the part of each node, [`NONE`] for none, and
@@ -77,7 +82,7 @@ pub(super) fn look(
             return;
         }
         let mut scratch = pool.take();
-        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, sd } = &mut *scratch;
+        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, reach } = &mut *scratch;
         let first = i * nodes.tile_px;
         let rows = column_px.len() / width;
         orders.clear();
@@ -98,7 +103,7 @@ pub(super) fn look(
                 }
             }
         }
-        sd.resize(padded, 0.0);
+        reach.resize(padded, 0.0);
         for row in 0..rows {
             let orders = &orders[row * padded..][..padded];
             if orders.iter().all(|order| *order == NO_ORDER) {
@@ -108,8 +113,10 @@ pub(super) fn look(
             view.table.row(v, segments);
             field.along_row(v, width, along);
             let own = v * width..(v + 1) * width;
-            fill_sd(&view.cam1.modulation[own.clone()], noise, sd);
-            let looks = RowLook {
+            for (reach, modulation) in reach.iter_mut().zip(&view.cam1.modulation[own.clone()]) {
+                *reach = reach_turns(view.model, noise, *modulation);
+            }
+            let looks = Looks {
                 model: view.model,
                 image: view.cam2,
                 segments,
@@ -117,10 +124,11 @@ pub(super) fn look(
                 phase: &view.cam1.phase[own],
                 orders,
                 offsets: &of_pixels[row * padded..][..padded],
-                sd,
+                reach,
+                at_rims: false,
             };
             let here = row * width;
-            let mut out = |u: usize, seen: &Seen| {
+            looks.for_each(|u, seen| {
                 let at = here + u;
                 column_px[at] = seen.column_px;
                 order[at] = orders[u];
@@ -129,39 +137,51 @@ pub(super) fn look(
                 rest[at] = seen.rest;
                 state[at] = if seen.in_volume { INSIDE } else { BEYOND };
                 owner[at] = part_of[row * padded + u];
-            };
-            for first in (0..width).step_by(LANES) {
-                if orders[first..first + LANES].iter().any(|order| *order != NO_ORDER) {
-                    let block = fringeflow_simd::run(Level::in_use(), BlockLook { row: &looks, first });
-                    let mut bits = block.decided;
-                    while bits != 0 {
-                        let lane = bits.trailing_zeros() as usize;
-                        bits &= bits - 1;
-                        out(first + lane, &block.at(lane));
-                    }
-                }
-            }
+            });
         }
     });
 }
 
-fn fill_sd(modulation: &[Modulation], noise: Noise, sd: &mut [f32]) {
-    for (sd, modulation) in sd.iter_mut().zip(modulation) {
-        *sd = noise.variance(modulation.grey()).sqrt();
-    }
+/// How far δ of a pixel may be off, turns.
+#[inline]
+pub(super) fn reach_turns(model: &Model, noise: Noise, modulation: Modulation) -> f32 {
+    model.max_sd / radians(1.0) * noise.variance(modulation.grey()).sqrt()
 }
 
-/// The inputs of the look at a row.
-struct RowLook<'a> {
-    model: &'a Model,
-    image: &'a EpipolarImage,
-    segments: &'a SegmentRow,
-    field: &'a DepthRow,
-    phase: &'a [u16],
-    orders: &'a [i16],
-    /// Offset of the surface, rad, and sd of δ, rad.
-    offsets: &'a [f32],
-    sd: &'a [f32],
+/// Pixels that are looked at, each at one order.
+pub(super) struct Looks<'a> {
+    pub(super) model: &'a Model,
+    pub(super) image: &'a EpipolarImage,
+    pub(super) segments: &'a SegmentRow,
+    pub(super) field: &'a DepthRow,
+    pub(super) phase: &'a [u16],
+    /// [`NO_ORDER`] where a pixel is not looked at.
+    pub(super) orders: &'a [i16],
+    /// Offset of the surface, rad.
+    pub(super) offsets: &'a [f32],
+    /// How far δ may be off, turns.
+    pub(super) reach: &'a [f32],
+    /// Whether the columns beside the expected one are tried too.
+    pub(super) at_rims: bool,
+}
+
+impl Looks<'_> {
+    /// Calls `visit` with the number of each pixel that is decided, and what it saw.
+    pub(super) fn for_each(&self, mut visit: impl FnMut(usize, &Seen)) {
+        for first in (0..self.orders.len()).step_by(LANES) {
+            let end = self.orders.len().min(first + LANES);
+            if self.orders[first..end].iter().all(|order| *order == NO_ORDER) {
+                continue;
+            }
+            let block = fringeflow_simd::run(Level::in_use(), BlockLook { row: self, first });
+            let mut bits = block.decided;
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                visit(first + lane, &block.at(lane));
+            }
+        }
+    }
 }
 
 /// What a pixel saw.
@@ -200,12 +220,12 @@ impl BlockSeen {
 }
 
 /// The nearest whole number in the range of words.
-pub(super) fn nearest(value: f32) -> i16 {
+fn nearest(value: f32) -> i16 {
     (value + 0.5_f32.copysign(value)) as i16
 }
 
 struct BlockLook<'a> {
-    row: &'a RowLook<'a>,
+    row: &'a Looks<'a>,
     first: usize,
 }
 
@@ -228,46 +248,57 @@ impl Kernel for BlockLook<'_> {
         let offset = lanes.load_floats(&filled(&row.offsets[first..], 0.0));
         let offset = lanes.times_float(offset, float(1.0 / radians(1.0)));
         let off = lanes.add_float(field, offset);
-        let mut column_px = lanes.add_float(column_px, lanes.times_float(off, per_turn));
+        let column_px = lanes.add_float(column_px, lanes.times_float(off, per_turn));
         let has_order = lanes.and_not(lanes.mask_of(is_sound), lanes.is_equal(order, lanes.word(NO_ORDER)));
-        let (mut found, mut todo) = (lanes.mask(0), has_order);
-        let (mut at_px, mut slopes) = (float(0.0), lanes.long(0));
+        let reach = lanes.load_floats(&filled(&row.reach[first..], 0.0));
+        let (expected_px, mut decided) = (column_px, lanes.mask(0));
+        let (mut at_px, mut rests, mut slopes) = (float(0.0), float(0.0), lanes.long(0));
+        let mut nearest = reach;
         let last_px = float((row.image.width - 2) as f32);
-        for _ in 0..MAX_ITERATIONS {
-            column_px = lanes.min_float(lanes.max_float(column_px, float(0.0)), last_px);
-            let around = columns_around_each(lanes, row.image, segments.row, phases, column_px);
-            let slope = lanes.widen(around.slope);
-            let is_flat = lanes.is_equal(around.slope, lanes.word(0));
-            // Flat pairs are masked below; 1 avoids a division by zero.
-            let slope_or_one = lanes.select_float(lanes.truths(is_flat), float(1.0), lanes.floats(slope));
-            let value = lanes.floats(lanes.widen(around.value));
-            let share = lanes.over(lanes.sub_float(float(0.0), value), slope_or_one);
-            let before_px = lanes.sub_float(column_px, around.share);
-            let known = lanes.and_not(lanes.and(todo, around.known), is_flat);
-            let between = lanes.mask_of(lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share)));
-            // Until the crossing lies between the columns, the nearest continuation stands for it.
-            let is_near = lanes.mask_of(lanes.both(
-                lanes.reaches(share, float(-row.model.rim_px)),
-                lanes.reaches(float(1.0 + row.model.rim_px), share),
-            ));
-            let here = lanes.and(known, is_near);
-            let is_here = lanes.truths(here);
-            at_px = lanes.select_float(is_here, lanes.add_float(before_px, share), at_px);
-            slopes = lanes.select_long(is_here, slope, slopes);
-            found = lanes.or(found, here);
-            todo = lanes.and_not(known, lanes.and(known, between));
-            if !lanes.any(todo) {
-                break;
+        for beside_px in if row.at_rims { &BESIDE_PX[..] } else { &BESIDE_PX[..1] } {
+            let mut todo = has_order;
+            let (mut found, mut found_px, mut found_slope) = (lanes.mask(0), float(0.0), lanes.long(0));
+            let mut column_px = lanes.add_float(expected_px, float(*beside_px));
+            for _ in 0..MAX_ITERATIONS {
+                if !lanes.any(todo) {
+                    break;
+                }
+                column_px = lanes.min_float(lanes.max_float(column_px, float(0.0)), last_px);
+                let around = columns_around_each(lanes, row.image, segments.row, phases, column_px);
+                let slope = lanes.widen(around.slope);
+                let is_flat = lanes.is_equal(around.slope, lanes.word(0));
+                // Flat pairs are masked below; 1 avoids a division by zero.
+                let slope_or_one = lanes.select_float(lanes.truths(is_flat), float(1.0), lanes.floats(slope));
+                let value = lanes.floats(lanes.widen(around.value));
+                let share = lanes.over(lanes.sub_float(float(0.0), value), slope_or_one);
+                let before_px = lanes.sub_float(column_px, around.share);
+                let known = lanes.and_not(lanes.and(todo, around.known), is_flat);
+                let is_between = lanes.both(lanes.reaches(share, float(0.0)), lanes.reaches(float(1.0), share));
+                // Until the crossing lies between the columns, the nearest continuation stands for it.
+                let is_near = lanes.mask_of(lanes.both(
+                    lanes.reaches(share, float(-row.model.rim_px)),
+                    lanes.reaches(float(1.0 + row.model.rim_px), share),
+                ));
+                let here = lanes.and(known, is_near);
+                let is_here = lanes.truths(here);
+                found_px = lanes.select_float(is_here, lanes.add_float(before_px, share), found_px);
+                found_slope = lanes.select_long(is_here, slope, found_slope);
+                found = lanes.or(found, here);
+                todo = lanes.and_not(known, lanes.and(known, lanes.mask_of(is_between)));
+                let most = float(1.0 + MAX_MOVE_PX);
+                let step = lanes.min_float(lanes.max_float(share, float(-MAX_MOVE_PX)), most);
+                column_px = lanes.add_float(before_px, step);
             }
-            let most = float(1.0 + MAX_MOVE_PX);
-            let step = lanes.min_float(lanes.max_float(share, float(-MAX_MOVE_PX)), most);
-            column_px = lanes.add_float(before_px, step);
+            let rest = lanes.sub_float(lanes.sub_float(segments.phase_turns(found_px), target), field);
+            let away = lanes.abs_float(lanes.sub_float(rest, offset));
+            let own = lanes.and(found, lanes.mask_of(lanes.reaches(nearest, away)));
+            let is_own = lanes.truths(own);
+            nearest = lanes.select_float(is_own, away, nearest);
+            at_px = lanes.select_float(is_own, found_px, at_px);
+            rests = lanes.select_float(is_own, rest, rests);
+            slopes = lanes.select_long(is_own, found_slope, slopes);
+            decided = lanes.or(decided, own);
         }
-        let rest = lanes.sub_float(lanes.sub_float(segments.phase_turns(at_px), target), field);
-        let sd = lanes.load_floats(&filled(&row.sd[first..], 0.0));
-        let reach = lanes.times_float(float(row.model.max_sd / radians(1.0)), sd);
-        let fits = lanes.reaches(reach, lanes.abs_float(lanes.sub_float(rest, offset)));
-        let decided = lanes.and(found, lanes.mask_of(fits));
         let in_volume = lanes.and(decided, lanes.mask_of(segments.have(at_px)));
         let mut seen = BlockSeen {
             decided: lanes.bits(decided),
@@ -278,7 +309,7 @@ impl Kernel for BlockLook<'_> {
             slope: [0; LANES],
         };
         lanes.store_floats(at_px, &mut seen.column_px);
-        lanes.store_floats(lanes.times_float(rest, float(65536.0)), &mut seen.rest);
+        lanes.store_floats(lanes.times_float(rests, float(65536.0)), &mut seen.rest);
         lanes.store_floats(lanes.times_float(field, float(65536.0)), &mut seen.field);
         lanes.store_signed(lanes.narrow_signed(slopes), &mut seen.slope);
         seen

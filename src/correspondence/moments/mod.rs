@@ -35,7 +35,7 @@ mod offsets;
 mod orders;
 mod parts;
 mod phase_runs;
-mod pixel_search;
+mod points;
 mod samples;
 mod verdict;
 
@@ -56,9 +56,9 @@ pub use self::model::{Constant, Model, Step};
 use self::nodes::{LABELS, NONE, Nodes};
 use self::orders::SearchSpace;
 use self::phase_runs::PhaseRuns;
+use self::points::{Foundation, Written};
 use self::verdict::Verdict;
 use super::chosen::ChosenCandidates;
-use super::delta_statistics::DeltaSums;
 use super::disjoint_sets::DisjointSets;
 use super::drift::Drift;
 use super::neighbourhood::MAX_STEP;
@@ -141,9 +141,13 @@ impl Pixels<'_> {
         (step.abs() <= MAX_STEP).then(|| (self.absolute(view, decided) + step) >> 16)
     }
 
-    /// Takes a decision back.
-    fn open(&mut self, pixel: usize) {
-        (self.owner[pixel], self.state[pixel]) = (NONE, OPEN);
+    /// Takes the decisions of the parts back that do not stand.
+    fn open_parts(&mut self, stands: &[bool]) {
+        self.owner.par_iter_mut().zip(&mut *self.state).for_each(|(owner, state)| {
+            if *owner != NONE && !stands[*owner as usize] {
+                (*owner, *state) = (NONE, OPEN);
+            }
+        });
     }
 }
 
@@ -194,6 +198,7 @@ pub(super) struct Scratch {
     adoption: Adoption,
     verdict: Verdict,
     continuity: Continuity,
+    segment_marks: Pool<Vec<u8>>,
 }
 
 impl Scratch {
@@ -236,6 +241,7 @@ impl Scratch {
                 self.reopen(view, min_px, &mut pixels);
             }
         }
+        self.adoption.forget(count);
         if model.does(Step::Adoption) {
             self.adoption.adopt(view, &learned.field, &self.parts, learned.noise, &mut pixels);
         }
@@ -244,43 +250,31 @@ impl Scratch {
         outcomes.resize(count, Outcome::RejectedByDelta);
         self.drop_unfounded(view, limits.min_region_px, &mut pixels, outcomes);
         self.continuity.count(view, &pixels);
-        passing.clear();
-        passing.resize(count, 0);
-        confidence.clear();
-        confidence.resize(count, Confidence::NONE);
+        let Self { parts, verdict, continuity, adoption, segment_marks, .. } = &*self;
         if let Some(grounds) = grounds {
             grounds.clear();
-            grounds.resize(count, Grounds::default());
-        }
-        let (mut usable, mut decided) = (0_u32, 0_u32);
-        let mut rests = DeltaSums::default();
-        for pixel in 0..count {
-            if outcomes[pixel] == Outcome::RejectedByDelta {
-                outcomes[pixel] = self.outcome(view, &pixels, pixel);
-            }
-            usable += u32::from(view.cam1.valid[pixel] && view.table.has_segment(pixel));
-            decided += u32::from(pixels.state[pixel] != OPEN);
-            if outcomes[pixel].is_found() {
-                let owner = pixels.owner[pixel];
-                let of_pixel = self.verdict.grounds(pixel, owner, self.continuity.of_pixels[pixel]);
-                if let Some(grounds) = grounds {
-                    grounds[pixel] = of_pixel;
+            grounds.extend((0..count).map(|pixel| match pixels.state[pixel] {
+                INSIDE => {
+                    verdict.grounds(pixel, pixels.owner[pixel], [continuity.of_pixels[pixel], adoption.depths[pixel]])
                 }
-                let own = Confidence::of(&of_pixel);
-                if own.probability() < limits.min_confidence {
-                    outcomes[pixel] = Outcome::Ambiguous;
-                } else {
-                    (passing[pixel], confidence[pixel]) = (self.parts[owner as usize].candidates, own);
-                    rests = rests.merged(DeltaSums::of(pixels.rest[pixel]));
-                }
-            }
-            if !outcomes[pixel].is_found() {
-                pixels.chosen.clear(pixel);
-            }
+                _ => Grounds::default(),
+            }));
         }
+        passing.resize(count, 0);
+        confidence.resize(count, Confidence::NONE);
+        let min_confidence = limits.min_confidence;
+        let foundation = Foundation {
+            view,
+            parts,
+            verdict,
+            continuing: &continuity.of_pixels,
+            depths: &adoption.depths,
+            min_confidence,
+        };
+        let counts = foundation.write(&mut pixels, &mut Written { outcomes, passing, confidence }, segment_marks);
         self.planes = planes;
-        let share = f64::from(decided) / f64::from(usable.max(1));
-        learned.field.seen(rests.mean_and_sd_rad().1, share)
+        let share = f64::from(counts.decided) / f64::from(counts.usable.max(1));
+        learned.field.seen(counts.rests.mean_and_sd_rad().1, share)
     }
 
     /// The order of label 0 of each surface: the middle label is the middle of the volume, averaged over the surface.
@@ -307,8 +301,8 @@ impl Scratch {
     /// Divides what is open into nodes of a level.
     fn divide(&mut self, view: View<'_>, level: u8, pixels: Option<&Pixels<'_>>) {
         let Self { runs, bases, nodes, of_surface, .. } = self;
-        let is_open = |pixel: usize| pixels.is_none_or(|pixels| pixels.state[pixel] == OPEN);
-        nodes.divide([view.cam1.width, view.cam1.height], tile_px(view, level), runs, bases, is_open);
+        let states = pixels.map(|pixels| &pixels.state[..]);
+        nodes.divide([view.cam1.width, view.cam1.height], tile_px(view, level), runs, bases, states);
         of_surface.clear();
         of_surface.resize(runs.surfaces, 0);
         nodes.nodes.iter().for_each(|node| of_surface[node.surface as usize] += 1);
@@ -345,12 +339,7 @@ impl Scratch {
     /// another order, and pixels beside a surface continue it.
     fn reopen(&mut self, view: View<'_>, min_px: u32, pixels: &mut Pixels<'_>) {
         self.verdict.judge_means(view, &self.parts, pixels);
-        let Pixels { owner, state, .. } = pixels;
-        owner.par_iter_mut().zip(&mut **state).for_each(|(owner, state)| {
-            if *owner != NONE && !self.verdict.of(*owner).stands(min_px) {
-                (*owner, *state) = (NONE, OPEN);
-            }
-        });
+        pixels.open_parts(self.verdict.find_standing_parts(min_px));
     }
 
     /// Drops components that are not founded, and points whose place in C2 a better founded component holds.
@@ -361,38 +350,20 @@ impl Scratch {
         pixels: &mut Pixels<'_>,
         outcomes: &mut [Outcome],
     ) {
-        for pixel in 0..outcomes.len() {
-            let owner = pixels.owner[pixel];
-            if owner == NONE {
-                continue;
+        let stands = self.verdict.find_standing_parts(min_region_px);
+        outcomes.par_iter_mut().zip(&*pixels.owner).for_each(|(outcome, owner)| {
+            if *owner != NONE && !stands[*owner as usize] {
+                *outcome = Outcome::Ambiguous;
             }
-            if !self.verdict.of(owner).stands(min_region_px) {
-                outcomes[pixel] = Outcome::Ambiguous;
-                pixels.open(pixel);
-            }
-        }
+        });
+        pixels.open_parts(stands);
         if !view.model.does(Step::Claims) {
             return;
         }
         for &pixel in self.verdict.taken(view, pixels) {
             let pixel = pixel as usize;
             outcomes[pixel] = Outcome::Contradicted;
-            pixels.open(pixel);
-        }
-    }
-
-    /// The outcome of a pixel that was not dropped.
-    fn outcome(&self, view: View<'_>, pixels: &Pixels<'_>, pixel: usize) -> Outcome {
-        match pixels.state[pixel] {
-            INSIDE => match self.parts[pixels.owner[pixel] as usize] {
-                Part { candidates: 1, level: 0, .. } => Outcome::Reference,
-                Part { candidates: 1, .. } => Outcome::Unique,
-                _ => Outcome::AcrossEpipolar,
-            },
-            BEYOND => Outcome::OutsideVolume,
-            _ if !view.cam1.valid[pixel] => Outcome::Invalid,
-            _ if !view.table.has_segment(pixel) => Outcome::OutsideVolume,
-            _ => Outcome::RejectedByDelta,
+            (pixels.owner[pixel], pixels.state[pixel]) = (NONE, OPEN);
         }
     }
 }

@@ -14,6 +14,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::OPEN;
 use super::phase_runs::PhaseRuns;
 
 /// Stands for no node.
@@ -112,15 +113,15 @@ struct Band {
 }
 
 impl Nodes {
-    /// Divides the open pixels of all surfaces into nodes. `is_open` tells whether a pixel is open, and `bases` the
-    /// order of label 0 of each surface.
+    /// Divides the open pixels of all surfaces into nodes. `states` are those of all pixels, if any is decided, and `bases`
+    /// the order of label 0 of each surface.
     pub(super) fn divide(
         &mut self,
         [width, height]: [usize; 2],
         tile_px: usize,
         runs: &PhaseRuns,
         bases: &[i32],
-        is_open: impl Fn(usize) -> bool + Sync,
+        states: Option<&[u8]>,
     ) {
         let Self { nodes, pieces, tile_rows, bands, .. } = self;
         self.tile_px = tile_px;
@@ -129,7 +130,7 @@ impl Nodes {
         bands.resize(bands.len().max(rows), Band::default());
         let bands = &mut bands[..rows];
         bands.par_iter_mut().enumerate().for_each(|(i, band)| {
-            band.divide(width, tile_px, i * tile_px..((i + 1) * tile_px).min(height), runs, bases, &is_open);
+            band.divide(width, tile_px, i * tile_px..((i + 1) * tile_px).min(height), runs, bases, states);
         });
         nodes.clear();
         pieces.clear();
@@ -188,7 +189,7 @@ impl Band {
         rows: Range<usize>,
         runs: &PhaseRuns,
         bases: &[i32],
-        is_open: &impl Fn(usize) -> bool,
+        states: Option<&[u8]>,
     ) {
         let Self { nodes, pieces, last, before, .. } = self;
         last.clear();
@@ -200,16 +201,19 @@ impl Band {
             for run in runs.runs.row(v) {
                 let pixels = run.pixels();
                 let (mut u, end) = (pixels.start - v * width, pixels.end - v * width);
+                let state_of = states.map(|states| &states[v * width..(v + 1) * width]);
+                // How many pixels from a column on are open, or are not.
+                let count = |from: usize, to: usize, open: bool| {
+                    let other = |states: &[u8]| states[from..to].iter().position(|state| (*state == OPEN) != open);
+                    state_of.map_or(if open { to - from } else { 0 }, |states| other(states).unwrap_or(to - from))
+                };
                 while u < end {
-                    if !is_open(v * width + u) {
-                        u += 1;
-                        continue;
+                    u += count(u, end, false);
+                    if u == end {
+                        break;
                     }
                     let (tile, begin) = (u / tile_px, u);
-                    let stop = end.min((tile + 1) * tile_px);
-                    while u < stop && is_open(v * width + u) {
-                        u += 1;
-                    }
+                    u += count(u, end.min((tile + 1) * tile_px), true);
                     let node = find(nodes, last[tile], before, run.set).unwrap_or_else(|| {
                         let node = nodes.len() as u32;
                         before.push(std::mem::replace(&mut last[tile], node));

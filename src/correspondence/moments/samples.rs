@@ -99,6 +99,9 @@ pub(super) struct Row {
 
 impl Default for Samples {
     fn default() -> Self {
+        let (mut segments, mut field) = (SegmentRow::default(), DepthRow::default());
+        segments.make_room(MOST);
+        field.make_room(MOST);
         Self {
             sampled: 0,
             labels: [0; 2],
@@ -111,8 +114,8 @@ impl Default for Samples {
             phase: [0; MOST],
             zero_turns: [0.0; MOST],
             ends: [[0.0; MOST]; 2],
-            segments: SegmentRow::of_pixels(MOST),
-            field: DepthRow::of_pixels(MOST),
+            segments,
+            field,
             phase_turns: [[0.0; MOST]; 2],
             seen: [0; ROOM],
             fitting: [0; ROOM],
@@ -199,7 +202,7 @@ impl Samples {
 
     /// What the screened samples tell about a label.
     pub(super) fn outlook(&self, label: usize, model: &Model) -> Outlook {
-        let screened = self.screened().count() as f32;
+        let screened = screened(self.count).count() as f32;
         let [seen, fitting] = [self.seen[label], self.fitting[label]].map(f32::from);
         if seen < model.min_seen * screened || seen == 0.0 {
             Outlook::Unseen
@@ -208,12 +211,6 @@ impl Samples {
         } else {
             Outlook::Open
         }
-    }
-
-    /// The screened samples: a few, in different rows and columns of the grid.
-    fn screened(&self) -> impl Iterator<Item = usize> + use<> {
-        let (count, step) = (self.count, self.count.div_ceil(SCREENED).max(1));
-        (0..SCREENED).map(move |j| j * step + (3 * j) % step).filter(move |i| *i < count)
     }
 
     /// Sums over all samples at some labels.
@@ -242,6 +239,12 @@ impl Samples {
     }
 }
 
+/// The screened samples of so many: a few, in different rows and columns of the grid.
+fn screened(count: usize) -> impl Iterator<Item = usize> {
+    let step = count.div_ceil(SCREENED).max(1);
+    (0..SCREENED).map(move |j| j * step + (3 * j) % step).filter(move |i| *i < count)
+}
+
 /// Counts the fitting samples of all labels, for a few samples.
 struct Screen<'a> {
     samples: &'a mut Samples,
@@ -256,7 +259,7 @@ impl Kernel for Screen<'_> {
     fn run<L: Lanes>(self, lanes: L) {
         let Self { samples, image, cap } = self;
         let (cap_turns, one, zero) = (lanes.float(cap / radians(1.0)), lanes.word(1), lanes.word(0));
-        for i in samples.screened() {
+        for i in screened(samples.count) {
             let line = samples.line(i);
             let [first, last] = samples.ends.map(|ends| ends[i] as usize);
             for label in (first..=last).step_by(LANES) {
@@ -360,4 +363,32 @@ fn total_of(mut lanes: [f32; LANES]) -> f32 {
         half /= 2;
     }
     lanes[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_samples_are_all_screened() {
+        for count in 0..=SCREENED {
+            assert!(screened(count).eq(0..count));
+        }
+    }
+
+    #[test]
+    fn screened_samples_of_a_full_tile_lie_in_different_rows_and_columns() {
+        let side = MOST.isqrt();
+        let mut lines: Vec<[usize; 2]> = screened(MOST).map(|i| [i / side, i % side]).collect();
+        assert_eq!(lines.len(), SCREENED);
+        for axis in 0..2 {
+            lines.sort_unstable_by_key(|line| line[axis]);
+            assert!(lines.windows(2).all(|pair| pair[0][axis] < pair[1][axis]));
+        }
+    }
+
+    #[test]
+    fn the_sum_over_the_lanes_is_exact_for_small_numbers() {
+        assert_eq!(total_of(std::array::from_fn(|i| i as f32)), 496.0);
+    }
 }

@@ -13,18 +13,22 @@
 
 use rayon::prelude::*;
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::confidence::Grounds;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
 use super::model::Step;
 use super::nodes::NONE;
+use super::noise::Noise;
 use super::offsets::{self, Offsets, PartMean};
 use super::{Part, Pixels};
 use crate::correspondence::disjoint_sets::DisjointSets;
-use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::neighbourhood::{ABSENT, MAX_STEP};
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
+use crate::phase::Modulation;
 
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
@@ -34,7 +38,7 @@ const CLAIM_REACH: isize = 2;
 
 /// What is known of a component.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Component {
+struct Component {
     /// Log likelihood ratio, nats.
     nats: f32,
     /// Points.
@@ -45,7 +49,7 @@ pub(super) struct Component {
 
 impl Component {
     /// Whether it is likelier true than wrong, and of so many pixels at least.
-    pub(super) fn stands(&self, min_px: u32) -> bool {
+    fn stands(&self, min_px: u32) -> bool {
         self.nats >= 0.0 && self.size_px >= min_px
     }
 }
@@ -57,23 +61,38 @@ pub(super) struct Verdict {
     /// The component of each part.
     component_of: Vec<u32>,
     components: Vec<Component>,
-    /// Odds of each part, nats.
+    /// Whether the component of each part stands.
+    stands: Vec<bool>,
+    /// Odds of each part, what its component adds to them, nats, and its offset, rad.
     odds_of: Vec<f32>,
+    standing_of: Vec<f32>,
+    offset_of: Vec<f32>,
     /// Place in C2 of each pixel; [`NONE`] if undecided.
     places: Vec<u32>,
+    /// Absolute phase of each decided pixel, turns · 65536.
+    absolute: Vec<i32>,
     /// What δ of each pixel speaks against its own point, nats.
     costs: Vec<f32>,
-    /// Pixel that holds each place of C2.
+    /// Pixel that holds each place of C2, and its absolute phase; [`ABSENT`] if there is none.
     owners: Vec<u32>,
+    held: Vec<i32>,
     contest: Contest,
     /// Pixels of each part.
     sizes_px: Vec<u32>,
     offsets: Offsets,
-    /// Parts that continue each other, for each row.
-    pairs: Vec<Vec<[u32; 2]>>,
+    rows: Vec<RowOfParts>,
     /// Points of each component, and those whose place another holds.
     counts: Vec<[u32; 2]>,
-    rows: Pool<SegmentRow>,
+    segments: Pool<SegmentRow>,
+}
+
+/// What a row of pixels tells about parts.
+#[derive(Clone, Debug, Default)]
+struct RowOfParts {
+    /// Parts that continue each other, in the row and to the one below.
+    pairs: Vec<[u32; 2]>,
+    /// Parts, and numbers of pixels beside each other in the row.
+    sizes: Vec<[u32; 2]>,
 }
 
 /// The places of C2 that two surfaces claim.
@@ -91,27 +110,27 @@ impl Verdict {
     /// Forms components of the decided pixels, and computes their ratios with the evidence of occupancy.
     pub(super) fn judge(&mut self, view: View<'_>, parts: &[Part], learned: &Learned, pixels: &Pixels<'_>) {
         self.judge_means(view, parts, pixels);
-        self.find_costs(view, parts, learned, pixels);
-        self.find_places(view, pixels);
+        self.see_pixels(view, learned, pixels);
         if view.model.does(Step::FreePlaces) {
             self.count_free_places(view, pixels);
         }
+        self.find_standing();
     }
 
     /// Forms components of the decided pixels, and computes their ratios from the means of δ alone.
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, odds_of, sizes_px: sizes, offsets, .. } = self;
+        let Self { component_of, components, odds_of, offset_of, sizes_px: sizes, offsets, rows, .. } = self;
         odds_of.clear();
         odds_of.extend(parts.iter().map(|part| part.odds));
+        offset_of.clear();
+        offset_of.extend(parts.iter().map(|part| part.offset));
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
         sizes.resize(parts.len(), 0);
-        for owner in pixels.owner.iter().filter(|owner| **owner != NONE) {
-            sizes[*owner as usize] += 1;
-        }
+        rows.iter().flat_map(|row| &row.sizes).for_each(|[part, size]| sizes[*part as usize] += size);
         offsets.parts.clear();
         for (i, part) in parts.iter().enumerate().filter(|(i, _)| sizes[*i] > 0) {
             let own = &mut components[component_of[i] as usize];
@@ -123,32 +142,48 @@ impl Verdict {
         for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
+        self.find_standing();
     }
 
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
-        let (width, owner) = (view.cam1.width, &*pixels.owner);
-        self.pairs.resize_with(view.cam1.height, Vec::new);
-        self.pairs.par_iter_mut().enumerate().for_each(|(v, pairs)| {
+        let (width, height, owner) = (view.cam1.width, view.cam1.height, &*pixels.owner);
+        self.rows.resize_with(height, RowOfParts::default);
+        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes })| {
             pairs.clear();
+            sizes.clear();
+            let own = &owner[v * width..(v + 1) * width];
+            let below = if v + 1 < height { &owner[(v + 1) * width..(v + 2) * width] } else { own };
             let mut last = [NONE; 2];
-            let row = v * width;
-            for pixel in row..row + width {
-                let right = (pixel + 1 < row + width).then(|| pixel + 1);
-                let below = (pixel + width < owner.len()).then(|| pixel + width);
-                for other in [right, below].into_iter().flatten() {
-                    let pair = [owner[pixel], owner[other]];
-                    if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
-                        continue;
-                    }
-                    if !is_other(view, pixels, pixel, other) {
+            let mut pair = |pixel: usize, other: usize| {
+                let pair = [owner[pixel], owner[other]];
+                if pair[0] != pair[1] && !pair.contains(&NONE) && pair != last {
+                    let step = pixels.absolute(view, pixel) - pixels.absolute(view, other);
+                    if step.abs() <= MAX_STEP {
                         pairs.push(pair);
                         last = pair;
                     }
                 }
+            };
+            let mut u = 0;
+            while u < width {
+                let (part, begin) = (own[u], u);
+                while u < width && own[u] == part {
+                    u += 1;
+                }
+                if part == NONE {
+                    continue;
+                }
+                sizes.push([part, (u - begin) as u32]);
+                for u in (begin..u).filter(|&u| below[u] != part) {
+                    pair(v * width + u, v * width + u + width);
+                }
+                if u < width {
+                    pair(v * width + u - 1, v * width + u);
+                }
             }
         });
         self.sets.reset(parts.iter().map(|_| 1));
-        for &[a, b] in self.pairs.iter().flatten() {
+        for &[a, b] in self.rows.iter().flat_map(|row| &row.pairs) {
             self.sets.unite(a, b, 0);
         }
     }
@@ -160,54 +195,53 @@ impl Verdict {
         sets.number(|_, offset| component_of.push(offset.set))
     }
 
-    /// What δ of each decided pixel speaks against its point.
-    fn find_costs(&mut self, view: View<'_>, parts: &[Part], learned: &Learned, pixels: &Pixels<'_>) {
-        self.costs.resize(pixels.owner.len(), 0.0);
-        self.costs.par_iter_mut().enumerate().for_each(|(pixel, cost)| {
-            let owner = pixels.owner[pixel];
-            if owner != NONE {
-                let off = radians(f32::from(pixels.rest[pixel]) / 65536.0) - parts[owner as usize].offset;
-                let variance = learned.noise.variance(view.cam1.modulation[pixel].grey());
-                *cost = student_cost(off * off / variance);
-            }
-        });
+    /// Logarithm of the ratio of the component of each part, nats: what it adds to the part's own evidence.
+    fn find_standing(&mut self) {
+        let Self { component_of, components, standing_of, .. } = self;
+        standing_of.clear();
+        standing_of.extend(component_of.iter().map(|component| ln(components[*component as usize].nats.max(1.0))));
     }
 
-    /// The place of C2 of each decided pixel.
-    fn find_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
+    /// What δ of each decided pixel speaks against its point, its place in C2 and its absolute phase.
+    fn see_pixels(&mut self, view: View<'_>, learned: &Learned, pixels: &Pixels<'_>) {
         let (width, columns) = (view.cam1.width, view.cam2.width);
-        self.places.resize(pixels.owner.len(), NONE);
+        let Self { costs, places, absolute, segments: pool, offset_of, .. } = self;
+        costs.resize(pixels.owner.len(), 0.0);
+        places.resize(pixels.owner.len(), NONE);
+        absolute.resize(pixels.owner.len(), 0);
         let last = (view.cam2.phase.len() / columns.max(1)).saturating_sub(1) as f32;
-        let rows = self.places.par_chunks_mut(width).enumerate();
-        let pool = &self.rows;
-        rows.for_each(|(v, places)| {
+        let rows = (costs.par_chunks_mut(width), places.par_chunks_mut(width), absolute.par_chunks_mut(width));
+        rows.into_par_iter().enumerate().for_each(|(v, (costs, places, absolute))| {
             let own = v * width..(v + 1) * width;
-            let owners = &pixels.owner[own.clone()];
+            let owner = &pixels.owner[own.clone()];
             places.fill(NONE);
-            if owners.iter().all(|owner| *owner == NONE) {
+            if owner.iter().all(|owner| *owner == NONE) {
                 return;
             }
             let segments = &mut *pool.take();
             view.table.row(v, segments);
-            for ((u, place), column_px) in places.iter_mut().enumerate().zip(&pixels.chosen.column_px[own]) {
-                if owners[u] != NONE {
-                    let row = (segments.row_px[u] + 0.5).clamp(0.0, last) as u32;
-                    *place = row * columns as u32 + (column_px + 0.5).clamp(0.0, (columns - 1) as f32) as u32;
-                }
+            for (u, pixel) in own.clone().enumerate().filter(|(u, _)| owner[*u] != NONE) {
+                let row = (segments.row_px[u] + 0.5).clamp(0.0, last) as u32;
+                let column = (pixels.chosen.column_px[pixel] + 0.5).clamp(0.0, (columns - 1) as f32) as u32;
+                places[u] = row * columns as u32 + column;
+                absolute[u] = pixels.absolute(view, pixel);
+                costs[u] = radians(f32::from(pixels.rest[pixel]) / 65536.0) - offset_of[owner[u] as usize];
             }
+            let modulation = &view.cam1.modulation[own];
+            fringeflow_simd::run(Level::in_use(), CostKernel { noise: learned.noise, modulation, costs });
         });
     }
 
     /// Adds the evidence of occupancy to the components.
     fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
         self.claim(view, pixels);
-        let Self { component_of, components, places, owners, counts, .. } = self;
+        let Self { component_of, components, places, owners, counts, absolute, .. } = self;
         counts.clear();
         counts.resize(components.len(), [0; 2]);
         for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
             let own = component_of[pixels.owner[pixel] as usize];
             let top = owners[place as usize] as usize;
-            let is_taken = component_of[pixels.owner[top] as usize] != own && is_other(view, pixels, pixel, top);
+            let is_taken = component_of[pixels.owner[top] as usize] != own && differ(absolute[pixel], absolute[top]);
             counts[own as usize][0] += 1;
             counts[own as usize][1] += u32::from(is_taken);
         }
@@ -240,16 +274,19 @@ impl Verdict {
         let dropped = self.places.iter_mut().zip(&*pixels.owner).filter(|(_, owner)| **owner == NONE);
         dropped.for_each(|(place, _)| *place = NONE);
         self.claim(view, pixels);
+        let Self { owners, held, absolute, .. } = self;
+        held.clear();
+        held.extend(owners.iter().map(|&owner| if owner == NONE { ABSENT } else { absolute[owner as usize] }));
         let Contest { mut others, mut contested, mut lost } = std::mem::take(&mut self.contest);
-        let Self { places, owners, .. } = &*self;
+        let Self { places, owners, held, absolute, .. } = &*self;
         let columns = view.cam2.width;
         // A second pixel of another surface in the same place.
         others.clear();
         others.resize(owners.len(), NONE);
         contested.clear();
         for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            if let Some(rival) = rival(view, pixels, owners, place as usize, pixel) {
-                contested.push([pixel as u32, rival]);
+            if let Some(rival) = place_of_rival(held, columns, place as usize, absolute[pixel]) {
+                contested.push([pixel as u32, owners[rival]]);
                 others[place as usize] = pixel as u32;
             }
         }
@@ -261,7 +298,7 @@ impl Verdict {
                     let at = place as isize + row * columns as isize + column;
                     let claims = |of: &[u32]| {
                         let claim = of.get(at as usize).copied().unwrap_or(NONE);
-                        claim != NONE && !is_other(view, pixels, pixel as usize, claim as usize)
+                        claim != NONE && !differ(absolute[pixel as usize], absolute[claim as usize])
                     };
                     count += u32::from(claims(owners) || claims(&others));
                 }
@@ -286,42 +323,57 @@ impl Verdict {
     /// How well a point is founded, nats: the odds of its part, the odds that its surface stands, and what else speaks
     /// for it, less what its own δ speaks against it.
     fn founded(&self, pixel: usize, owner: u32, more_nats: f32) -> f32 {
-        self.odds_of[owner as usize] + self.standing(owner) + more_nats - self.costs[pixel]
+        let owner = owner as usize;
+        self.odds_of[owner] + self.standing_of[owner] + more_nats - self.costs[pixel]
     }
 
-    /// Logarithm of the ratio of the component of a part, nats: what it adds to the part's own evidence.
-    fn standing(&self, owner: u32) -> f32 {
-        ln(self.of(owner).nats.max(1.0))
+    /// What speaks for and against the point of a pixel, around which so many pixels continue it, and which was adopted
+    /// at this depth.
+    pub(super) fn grounds(&self, pixel: usize, owner: u32, [continuing, depth]: [u8; 2]) -> Grounds {
+        let owner = owner as usize;
+        let (surface, odds_nats) = (self.standing_of[owner], self.odds_of[owner]);
+        Grounds { surface, odds_nats, cost_nats: self.costs[pixel], continuing, depth }
     }
 
-    /// What speaks for and against the point of a pixel.
-    pub(super) fn grounds(&self, pixel: usize, owner: u32, continuing: u8) -> Grounds {
-        let (surface, odds_nats) = (self.standing(owner), self.odds_of[owner as usize]);
-        Grounds { surface, odds_nats, cost_nats: self.costs[pixel], continuing }
-    }
-
-    /// The component of a decided pixel.
-    pub(super) fn of(&self, owner: u32) -> &Component {
-        &self.components[self.component_of[owner as usize] as usize]
+    /// Which parts belong to components that are likelier true than wrong, and of so many pixels at least.
+    pub(super) fn find_standing_parts(&mut self, min_px: u32) -> &[bool] {
+        let Self { component_of, components, stands, .. } = self;
+        stands.clear();
+        stands.extend(component_of.iter().map(|&component| components[component as usize].stands(min_px)));
+        stands
     }
 }
 
-/// The pixel of another surface that holds the place of a pixel in C2, or both places beside it: the claims of a surface
-/// that C2 sees enlarged have gaps.
-fn rival(view: View<'_>, pixels: &Pixels<'_>, owners: &[u32], place: usize, pixel: usize) -> Option<u32> {
-    let at = |place: Option<usize>| {
-        let owner = *owners.get(place?)?;
-        (owner != NONE && owner != pixel as u32 && is_other(view, pixels, pixel, owner as usize)).then_some(owner)
-    };
-    let both = |step: usize| {
-        let [before, after] = [at(place.checked_sub(step))?, at(place.checked_add(step))?];
-        (!is_other(view, pixels, before as usize, after as usize)).then_some(before)
-    };
-    at(Some(place)).or_else(|| both(1)).or_else(|| both(view.cam2.width))
+/// The place that a point of another surface holds: that of a point in C2, or both places beside it: the claims of a
+/// surface that C2 sees enlarged have gaps.
+fn place_of_rival(held: &[i32], columns: usize, place: usize, absolute: i32) -> Option<usize> {
+    let at = |place: usize| held.get(place).copied().filter(|&other| other != ABSENT && differ(absolute, other));
+    let both = |before: usize, after: usize| Some(!differ(at(before)?, at(after)?));
+    let beside = |step: usize| both(place.checked_sub(step)?, place + step)?.then_some(place - step);
+    at(place).map(|_| place).or_else(|| beside(1)).or_else(|| beside(columns))
 }
 
 /// Whether two points do not lie on one surface, as points beside each other or in one place of C2 would: their absolute
 /// phases differ.
-fn is_other(view: View<'_>, pixels: &Pixels<'_>, a: usize, b: usize) -> bool {
-    (pixels.absolute(view, a) - pixels.absolute(view, b)).abs() > MAX_STEP
+fn differ(a: i32, b: i32) -> bool {
+    (a - b).abs() > MAX_STEP
+}
+
+/// Turns distances of δ from the offset of the part, rad, into what they cost, nats.
+struct CostKernel<'a> {
+    noise: Noise,
+    modulation: &'a [Modulation],
+    costs: &'a mut [f32],
+}
+
+impl Kernel for CostKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { noise, modulation, costs } = self;
+        for (cost, modulation) in costs.iter_mut().zip(modulation) {
+            *cost = student_cost(*cost * *cost / noise.variance(modulation.grey()));
+        }
+    }
 }

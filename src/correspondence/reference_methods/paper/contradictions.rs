@@ -8,7 +8,6 @@ use rayon::prelude::*;
 
 use super::claims::{Claim, Claims};
 use super::image::Image;
-use super::places::{PlaceRow, Places};
 use super::region_delta::Division;
 use crate::correspondence::segment::SegmentRow;
 
@@ -67,7 +66,8 @@ impl Image<'_> {
             *stands &= f64::from(lost) <= MAX_LOST_SHARE * f64::from(size);
         }
         if precedence == Precedence::Nearness {
-            is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], |pixel| places.nearness[pixel]);
+            let table = self.scene.view.table;
+            is_lost = self.lost_places(&places, |pixel| stands[region(pixel)], |pixel| table.nearness_to_cam2(pixel));
         }
         self.decided_where(|pixel| !stands[region(pixel)] || is_lost[pixel])
     }
@@ -76,7 +76,7 @@ impl Image<'_> {
     /// greater precedence.
     fn lost_places(
         &self,
-        places: &Places,
+        places: &[u32],
         stands: impl Fn(usize) -> bool,
         precedence: impl Fn(usize) -> f32 + Sync,
     ) -> Vec<bool> {
@@ -84,7 +84,7 @@ impl Image<'_> {
         let of_pixel = |pixel: usize| if self.is_decided(pixel) { precedence(pixel) } else { 0.0 };
         let precedence: Vec<f32> = pixels.clone().into_par_iter().map(of_pixel).collect();
         let claim = |pixel: usize| Claim {
-            place: places.of_pixels[pixel],
+            place: places[pixel],
             precedence: precedence[pixel],
             absolute: self.absolute[pixel],
         };
@@ -94,23 +94,19 @@ impl Image<'_> {
         pixels.map(|pixel| self.is_decided(pixel) && claims.is_lost(claim(pixel), 0.0)).collect()
     }
 
-    /// The places of C2 of the decided pixels.
-    fn places(&self) -> Places {
-        let width = self.scene.view.cam1.width.max(1);
-        let mut places = Places::default();
-        places.resize(self.absolute.len());
-        let Places { of_pixels, nearness } = &mut places;
-        let rows = of_pixels.par_chunks_mut(width).zip(nearness.par_chunks_mut(width)).enumerate();
-        rows.for_each_init(
-            || (SegmentRow::default(), Vec::new()),
-            |(segments, column_px), (v, (of_pixels, nearness))| {
-                self.scene.view.table.row(v, segments);
-                column_px.clear();
-                let column = |u: usize| self.candidate(v * width + u).map_or(0.0, |candidate| candidate.column_px);
-                column_px.extend((0..width).map(column));
-                PlaceRow { of_pixels, nearness }.find(self.scene.view.table, segments, column_px);
-            },
-        );
+    /// The place of C2 of each decided pixel.
+    fn places(&self) -> Vec<u32> {
+        let (width, table) = (self.scene.view.cam1.width.max(1), self.scene.view.table);
+        let [columns, rows] = table.epipolar_size_px().map(|side| side as u32);
+        let mut places = vec![0; self.absolute.len()];
+        places.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, places)| {
+            table.row(v, segments);
+            for (u, place) in places.iter_mut().enumerate() {
+                let column_px = self.candidate(v * width + u).map_or(0.0, |candidate| candidate.column_px);
+                let row = ((segments.row_px[u] + 0.5) as u32).min(rows - 1);
+                *place = row * columns + ((column_px + 0.5) as u32).min(columns - 1);
+            }
+        });
         places
     }
 

@@ -33,7 +33,6 @@ mod contradictions;
 mod explanation;
 mod image;
 mod monotony;
-mod places;
 mod region_delta;
 mod regions;
 mod votes;
