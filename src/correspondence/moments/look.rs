@@ -35,7 +35,7 @@ const MAX_ITERATIONS: usize = 3;
 /// Largest move per iteration, pixels: where phases hardly change, the line leads anywhere.
 const MAX_MOVE_PX: f32 = 2.0;
 /// The columns that are tried at rims, pixels from the expected one.
-const BESIDE_PX: [f32; 3] = [0.0, -1.0, 1.0];
+const BESIDE_PX: [f32; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 /// Stands for no order.
 pub(super) const NO_ORDER: i16 = i16::MIN;
 
@@ -259,7 +259,9 @@ impl Kernel for BlockLook<'_> {
             let mut todo = has_order;
             let (mut found, mut found_px, mut found_slope) = (lanes.mask(0), float(0.0), lanes.long(0));
             let mut column_px = lanes.add_float(expected_px, float(*beside_px));
-            for _ in 0..MAX_ITERATIONS {
+            // A line that is continued beyond a rim must not move on to the surface there.
+            let iterations = if *beside_px == 0.0 { MAX_ITERATIONS } else { 1 };
+            for _ in 0..iterations {
                 if !lanes.any(todo) {
                     break;
                 }
