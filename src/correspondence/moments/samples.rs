@@ -99,9 +99,6 @@ pub(super) struct Row {
 
 impl Default for Samples {
     fn default() -> Self {
-        let (mut segments, mut field) = (SegmentRow::default(), DepthRow::default());
-        segments.make_room(MOST);
-        field.make_room(MOST);
         Self {
             sampled: 0,
             labels: [0; 2],
@@ -114,8 +111,8 @@ impl Default for Samples {
             phase: [0; MOST],
             zero_turns: [0.0; MOST],
             ends: [[0.0; MOST]; 2],
-            segments,
-            field,
+            segments: SegmentRow::default(),
+            field: DepthRow::default(),
             phase_turns: [[0.0; MOST]; 2],
             seen: [0; ROOM],
             fitting: [0; ROOM],
@@ -127,6 +124,8 @@ impl Samples {
     /// Takes the samples of a node.
     pub(super) fn take(&mut self, view: View<'_>, space: &SearchSpace, grid: &Grid<'_>, question: &Question<'_>) {
         let Grid { runs, node, pieces, stride, tile_px, first_row, rows } = *grid;
+        self.segments.make_room(MOST);
+        self.field.make_room(MOST);
         (self.sampled, self.count, self.noise) = (0, 0, 0.0);
         (self.middle, self.half_px) = (None, space.half_px);
         (self.labels, self.inside) = ([i32::MAX, i32::MIN], [f32::INFINITY, f32::NEG_INFINITY]);
