@@ -136,6 +136,13 @@ impl SegmentTable {
         fringeflow_simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
     }
 
+    /// Index of the pixel of the epipolar frame nearest to a column and row, pixels: a place of C2.
+    #[inline]
+    pub(super) fn place(&self, [column_px, row_px]: [f32; 2]) -> u32 {
+        let [columns, rows] = self.epipolar_size_px.map(|side| side as u32);
+        ((row_px + 0.5) as u32).min(rows - 1) * columns + ((column_px + 0.5) as u32).min(columns - 1)
+    }
+
     /// Ray of a pixel in the frame of C1, scaled to z = 1: x and y.
     #[must_use]
     #[inline]

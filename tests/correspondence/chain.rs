@@ -290,11 +290,14 @@ fn confidence_is_the_share_of_true_points_and_its_minimum_is_respected() {
         reconstruct_with_settings(&sensor, simulation, CameraId::BOTH, simulation.rig(), settings).unwrap()
     };
     // False points come in patches, a few in each scene: one scene alone shows the share of them to a third.
-    let mut errors = [[0.0; 2]; 10];
-    for object in [Object::Clutter, Object::Crumbs, Object::Machine, Object::Elephant] {
+    let scenes = [Object::Clutter, Object::Crumbs, Object::Machine, Object::Elephant].map(|object| {
         let simulation = simulation(object);
         let result = reconstruct_at(&simulation, 0.5);
-        let parts = reliability(&result.cloud, &evaluate(&simulation, &result).judgements, SIZE_PX[0]);
+        (simulation, result)
+    });
+    let mut errors = [[0.0; 2]; 10];
+    for (simulation, result) in &scenes {
+        let parts = reliability(&result.cloud, &evaluate(simulation, result).judgements, SIZE_PX[0]);
         assert_eq!(parts.len(), errors.len());
         for ([sum, points], part) in errors.iter_mut().zip(parts) {
             *sum += part.points as f64 * (part.true_percent - part.stated_percent);
@@ -307,11 +310,10 @@ fn confidence_is_the_share_of_true_points_and_its_minimum_is_respected() {
         let error = sum / points;
         assert!(error > -0.3 && error < allowed, "tenth {index}: {error}");
     }
-    let simulation = simulation(Object::Clutter);
-    let result = reconstruct_at(&simulation, 0.5);
-    let confident = reconstruct_at(&simulation, 0.99);
+    let (simulation, result) = &scenes[0];
+    let confident = reconstruct_at(simulation, 0.99);
     assert!(confident.cloud.points.iter().all(|point| (0.99..=1.0).contains(&point.confidence)));
-    let [all, some] = [&result, &confident].map(|result| scores(&simulation, result));
+    let [all, some] = [result, &confident].map(|result| scores(simulation, result));
     assert!(some.points < all.points && some.fpc_percent < 0.7 * all.fpc_percent, "{all:?} {some:?}");
 }
 

@@ -9,6 +9,7 @@
 
 use rayon::prelude::*;
 
+use super::continuity::NEIGHBOURS;
 use super::likelihood::radians;
 use super::look::{self, Looks, NO_ORDER, Seen};
 use super::noise::Noise;
@@ -18,8 +19,6 @@ use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
 
-/// Pixels around one.
-const NEIGHBOURS: usize = 8;
 /// How many pixels deep a rim is.
 const RIM_ROUNDS: usize = 3;
 
@@ -151,7 +150,7 @@ fn adopt_row(
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
     let along = field.in_row(v);
-    asked.clear(NEIGHBOURS * columns.len());
+    asked.clear(usize::from(NEIGHBOURS) * columns.len());
     for u in columns.iter().map(|&u| u as usize) {
         let pixel = v * width + u;
         let before = asked.orders.len();

@@ -110,22 +110,25 @@ impl Verdict {
     /// Forms components of the decided pixels, and computes their ratios with the evidence of occupancy.
     pub(super) fn judge(&mut self, view: View<'_>, parts: &[Part], learned: &Learned, pixels: &Pixels<'_>) {
         self.judge_means(view, parts, pixels);
+        let Self { odds_of, offset_of, .. } = self;
+        odds_of.clear();
+        odds_of.extend(parts.iter().map(|part| part.odds));
+        offset_of.clear();
+        offset_of.extend(parts.iter().map(|part| part.offset));
         self.see_pixels(view, learned, pixels);
+        // Places are claimed by what the means tell; points are founded by what their places tell too.
+        self.find_standing();
         if view.model.does(Step::FreePlaces) {
             self.count_free_places(view, pixels);
+            self.find_standing();
         }
-        self.find_standing();
     }
 
     /// Forms components of the decided pixels, and computes their ratios from the means of δ alone.
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, odds_of, offset_of, sizes_px: sizes, offsets, rows, .. } = self;
-        odds_of.clear();
-        odds_of.extend(parts.iter().map(|part| part.odds));
-        offset_of.clear();
-        offset_of.extend(parts.iter().map(|part| part.offset));
+        let Self { component_of, components, sizes_px: sizes, offsets, rows, .. } = self;
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
@@ -142,7 +145,6 @@ impl Verdict {
         for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
-        self.find_standing();
     }
 
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
@@ -156,12 +158,10 @@ impl Verdict {
             let mut last = [NONE; 2];
             let mut pair = |pixel: usize, other: usize| {
                 let pair = [owner[pixel], owner[other]];
-                if pair[0] != pair[1] && !pair.contains(&NONE) && pair != last {
-                    let step = pixels.absolute(view, pixel) - pixels.absolute(view, other);
-                    if step.abs() <= MAX_STEP {
-                        pairs.push(pair);
-                        last = pair;
-                    }
+                let is_new = pair[0] != pair[1] && !pair.contains(&NONE) && pair != last;
+                if is_new && !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
+                    pairs.push(pair);
+                    last = pair;
                 }
             };
             let mut u = 0;
@@ -204,12 +204,11 @@ impl Verdict {
 
     /// What δ of each decided pixel speaks against its point, its place in C2 and its absolute phase.
     fn see_pixels(&mut self, view: View<'_>, learned: &Learned, pixels: &Pixels<'_>) {
-        let (width, columns) = (view.cam1.width, view.cam2.width);
+        let width = view.cam1.width;
         let Self { costs, places, absolute, segments: pool, offset_of, .. } = self;
         costs.resize(pixels.owner.len(), 0.0);
         places.resize(pixels.owner.len(), NONE);
         absolute.resize(pixels.owner.len(), 0);
-        let last = (view.cam2.phase.len() / columns.max(1)).saturating_sub(1) as f32;
         let rows = (costs.par_chunks_mut(width), places.par_chunks_mut(width), absolute.par_chunks_mut(width));
         rows.into_par_iter().enumerate().for_each(|(v, (costs, places, absolute))| {
             let own = v * width..(v + 1) * width;
@@ -221,9 +220,7 @@ impl Verdict {
             let segments = &mut *pool.take();
             view.table.row(v, segments);
             for (u, pixel) in own.clone().enumerate().filter(|(u, _)| owner[*u] != NONE) {
-                let row = (segments.row_px[u] + 0.5).clamp(0.0, last) as u32;
-                let column = (pixels.chosen.column_px[pixel] + 0.5).clamp(0.0, (columns - 1) as f32) as u32;
-                places[u] = row * columns as u32 + column;
+                places[u] = view.table.place([pixels.chosen.column_px[pixel], segments.row_px[u]]);
                 absolute[u] = pixels.absolute(view, pixel);
                 costs[u] = radians(f32::from(pixels.rest[pixel]) / 65536.0) - offset_of[owner[u] as usize];
             }

@@ -97,14 +97,12 @@ impl Image<'_> {
     /// The place of C2 of each decided pixel.
     fn places(&self) -> Vec<u32> {
         let (width, table) = (self.scene.view.cam1.width.max(1), self.scene.view.table);
-        let [columns, rows] = table.epipolar_size_px().map(|side| side as u32);
         let mut places = vec![0; self.absolute.len()];
         places.par_chunks_mut(width).enumerate().for_each_init(SegmentRow::default, |segments, (v, places)| {
             table.row(v, segments);
             for (u, place) in places.iter_mut().enumerate() {
                 let column_px = self.candidate(v * width + u).map_or(0.0, |candidate| candidate.column_px);
-                let row = ((segments.row_px[u] + 0.5) as u32).min(rows - 1);
-                *place = row * columns + ((column_px + 0.5) as u32).min(columns - 1);
+                *place = table.place([column_px, segments.row_px[u]]);
             }
         });
         places
