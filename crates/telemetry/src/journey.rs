@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use fringeflow_message::{Stage, StageReport};
 
-/// Maximum number of windows in progress. Older ones were dropped by a stage.
-const MAX_IN_PROGRESS: usize = 64;
+/// Maximum number of windows in progress. Older ones were dropped by a stage. A reader that had to wait for a processor
+/// gets all reports of one stage before those of the next: as many windows as a channel keeps for it (256) wait here.
+const MAX_IN_PROGRESS: usize = 320;
 
 /// A part of the time from exposure to cloud. The segments add up to the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -197,6 +198,16 @@ mod tests {
         });
         assert!(journeys.iter().all(|[first, second, last]| first.is_none() && second.is_none() && last.is_some()));
         assert!(journeys.iter().all(|completed| *completed == journeys[0]));
+    }
+
+    #[test]
+    fn a_late_reader_gets_the_reports_of_one_stage_after_those_of_the_other() {
+        let mut journeys = Journeys::default();
+        let stages = [Stage::Phase, Stage::Correspondence, Stage::Cloud];
+        let reports = stages.into_iter().flat_map(|stage| {
+            (0..256).map(move |exposure_start_ns| StageReport { exposure_start_ns, ..report(stage, 1100, 1150) })
+        });
+        assert_eq!(reports.filter_map(|report| journeys.add(&report)).count(), 256);
     }
 
     #[test]

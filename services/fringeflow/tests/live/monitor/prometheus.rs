@@ -18,7 +18,8 @@ fn root() -> PathBuf {
 pub(super) fn run_script(command: &mut Command) -> String {
     let Output { status, stdout, stderr } = command.output().unwrap();
     let [printed, errors] = [stdout, stderr].map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned());
-    assert!(status.success(), "{command:?}: {status}:\n{printed}\n{errors}");
+    // Long messages lose their end in some logs: what is wrong comes first.
+    assert!(status.success(), "{command:?}: {status}:\n{errors}\n{printed}");
     printed
 }
 
@@ -42,6 +43,9 @@ fn prometheus_and_grafana_find_their_metrics_and_percentiles_agree_with_the_figu
     let recording = bench.path("run.mcap");
     let watched = Watched::start(&bench, &[&"--record", &recording]);
     watched.live.wait_for_clouds(20);
+    // The monitor yields to all other processes: it may know of the health later than of the clouds.
+    let is_health_known = || watched.get("/metrics").body.contains("fringeflow_health_level{");
+    watched.live.wait_until("the health is known", is_health_known);
     let metrics = bench.path("metrics.txt");
     std::fs::write(&metrics, watched.get("/metrics").body).unwrap();
     run_script(python().arg(monitoring_file("grafana.py")).arg(root().join("configs/grafana.json")).arg(&metrics));
