@@ -204,6 +204,7 @@ impl Matching<'_> {
         if is_doubtful
             && let Some(exchanged) = self.explain_exchanged()
             && !exchanged.is_scattered(&self.settings.model)
+            && exchanged.nats > learned.nats
         {
             let [sd_rad, exchanged_sd_rad] = [&learned, &exchanged].map(|learned| learned.field.residual_sd_rad);
             return Err(MatchError::Exchanged { sd_rad, exchanged_sd_rad });

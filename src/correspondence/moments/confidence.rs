@@ -31,7 +31,9 @@ impl Grounds {
     #[must_use]
     pub fn terms(&self) -> [f32; CONFIDENCE_TERMS] {
         let continuing = f32::from(self.continuing) / f32::from(NEIGHBOURS);
-        [1.0, self.surface, self.odds_nats, -self.cost_nats, continuing, -ln(1.0 + f32::from(self.depth))]
+        // Few points were adopted; the logarithm costs as much as all other terms.
+        let depth = if self.depth == 0 { 0.0 } else { ln(1.0 + f32::from(self.depth)) };
+        [1.0, self.surface, self.odds_nats, -self.cost_nats, continuing, -depth]
     }
 }
 

@@ -56,7 +56,7 @@ pub(in crate::correspondence) struct Learned {
 
 impl Scratch {
     /// Decides the largest nodes while field, noise and widths are learned from them.
-    pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
+    pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>, of_phase: Noise) -> Learned {
         let model = view.model;
         // The small error of a calibrated rig, and one of any size.
         let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3 };
@@ -65,7 +65,7 @@ impl Scratch {
         let mut best: Option<Learned> = None;
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
-            let learned = self.learn_from(view, attempt, start);
+            let learned = self.learn_from(view, attempt, start, of_phase);
             if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
                 return learned;
             }
@@ -75,7 +75,7 @@ impl Scratch {
             });
         }
         // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
-        let mut best = best.unwrap_or_else(|| Learned::about(&none, &any, model));
+        let mut best = best.unwrap_or_else(|| Learned::about(&none, &any, of_phase, model));
         self.divide(view, 0, None);
         self.ask(view, 0, &best, None);
         best.nats = self.nats();
@@ -83,8 +83,8 @@ impl Scratch {
     }
 
     /// Learns in rounds, starting from a field.
-    fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift) -> Learned {
-        let mut learned = Learned::about(start, attempt, view.model);
+    fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift, of_phase: Noise) -> Learned {
+        let mut learned = Learned::about(start, attempt, of_phase, view.model);
         self.divide(view, 0, None);
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
@@ -95,7 +95,9 @@ impl Scratch {
             if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
                 (learned.field, learned.uncertainty) = found;
             }
-            learned.noise = learned.noise.learn(view, nodes, evidence, clear, values);
+            if let Some(noise) = Noise::of_nodes(view, nodes, evidence, clear, values) {
+                learned.noise = noise;
+            }
             let widths = &mut learned.widths;
             if let Some([_, along, across, excess]) = wrong_widths(nodes, evidence, clear, values) {
                 (widths.wrong_slopes, widths.wrong_excess) = ([along, across], excess);
@@ -136,7 +138,7 @@ impl Scratch {
 
 impl Learned {
     /// What is known before anything is learned.
-    fn about(field: &Drift, attempt: &Attempt, model: &Model) -> Self {
+    fn about(field: &Drift, attempt: &Attempt, of_phase: Noise, model: &Model) -> Self {
         let widths = Widths {
             mean: model.first_mean_rad,
             slopes: [USUAL_WIDTHS[1], USUAL_WIDTHS[2]],
@@ -147,7 +149,7 @@ impl Learned {
         };
         Self {
             field: field.clone(),
-            noise: Noise::default(),
+            noise: of_phase.before_nodes(),
             widths,
             uncertainty: Uncertainty::default(),
             cap: attempt.first_cap,

@@ -54,6 +54,7 @@ use self::likelihood::Moments;
 use self::look::TileRow;
 pub use self::model::{Constant, Model, Step};
 use self::nodes::{LABELS, NONE, Nodes};
+use self::noise::Noise;
 use self::orders::SearchSpace;
 use self::phase_runs::PhaseRuns;
 use self::points::{Foundation, Written};
@@ -77,8 +78,6 @@ const LARGE_TILE_PX: usize = 32;
 const LARGE_PX: usize = 800_000;
 /// Tile sizes: each is half the one before.
 const LEVELS: u8 = 3;
-/// Distance of the pixels whose bend is measured.
-const BEND_STRIDE: usize = 37;
 
 /// Decisions about all pixels of C1, row by row. The old contents of the vectors do not matter.
 pub(super) struct Decisions<'a> {
@@ -176,7 +175,6 @@ pub(super) struct Scratch {
     runs: PhaseRuns,
     bases: Vec<i32>,
     middles: Vec<[f64; 2]>,
-    bends: Vec<u16>,
     nodes: Nodes,
     /// Nodes of each surface.
     of_surface: Vec<u32>,
@@ -204,10 +202,10 @@ pub(super) struct Scratch {
 impl Scratch {
     /// Divides C1 into surfaces, and learns the error field from them. `known` is the field of an earlier window.
     pub(super) fn explain(&mut self, view: View<'_>, known: Option<&Drift>) -> Learned {
-        let max_bend = max_bend(view, &mut self.bends);
-        self.runs.find(view, max_bend);
+        let of_phase = Noise::of_phase(view.cam1, &mut self.values);
+        self.runs.find(view, of_phase);
         self.find_bases(view);
-        self.learn(view, known)
+        self.learn(view, known, of_phase)
     }
 
     /// Decides every pixel from what [`Self::explain`] learned; returns the error field.
@@ -371,23 +369,4 @@ impl Scratch {
 /// Side of the tiles of a level, pixels.
 fn tile_px(view: View<'_>, level: u8) -> usize {
     (if view.cam1.phase.len() < LARGE_PX { TILE_PX } else { LARGE_TILE_PX }) >> level
-}
-
-/// Bend of the phase at which a surface ends: a multiple of the sd of the second difference, which noise causes.
-fn max_bend(View { cam1, model, .. }: View<'_>, bends: &mut Vec<u16>) -> u16 {
-    let least = (65536.0 * model.max_bend_turns) as u16;
-    let places = (1..cam1.phase.len().saturating_sub(1)).step_by(BEND_STRIDE);
-    let known = places.filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1]);
-    bends.clear();
-    bends.extend(known.map(|i| {
-        let rise = |i: usize| i32::from(cam1.phase[i + 1].wrapping_sub(cam1.phase[i]) as i16);
-        (rise(i) - rise(i - 1)).unsigned_abs().min(u32::from(u16::MAX)) as u16
-    }));
-    if bends.is_empty() {
-        return least;
-    }
-    let middle = bends.len() / 2;
-    let median = *bends.select_nth_unstable(middle).1;
-    // The median of the size of a normal number is its sd / 1.4826.
-    least.max((1.4826 * model.bend_sd * f32::from(median)).min(16000.0) as u16)
 }

@@ -95,7 +95,7 @@ impl Model {
 model! {
     /// Bend of the phase beyond which a surface ends, if both sides of a step bend so
     max_bend_turns: 0.0336 "turns",
-    /// The same as a multiple of the sd of bends
+    /// The same as a multiple of the sd of bends that the noise of the phase makes
     bend_sd: 2.5 "",
     /// Greatest step from row to row at which runs are united
     max_row_step_turns: 0.137 "turns",
@@ -109,10 +109,10 @@ model! {
     wide_cap_rad: 0.8 "rad",
     /// Reach of δ of a fitting sample about the field
     cap_rad: 0.2 "rad",
-    /// sd of the means of nodes from which on the field is wrong: true orders leave .008 to .02, wrong ones .04 to .1
-    scattered_rad: 0.03 "rad",
     /// sd of the mean of a true order about no field
     first_mean_rad: 0.06 "rad",
+    /// sd of the means of nodes from which on the field is wrong: true orders leave .008 to .02, wrong ones .04 to .1
+    scattered_rad: 0.03 "rad",
     /// sd of the mean of a node about the field in its fit
     node_mean_rad: 0.04 "rad",
     /// Distance at which a node no longer counts in the fit
@@ -161,10 +161,8 @@ model! {
     true_means_rad: 0.015 "rad",
     /// The same within a wrong one
     wrong_means_rad: 0.06 "rad",
-    /// Exponent of the density of the share of free places of a true surface
+    /// Exponent of the density of the share of free places of a true surface, and of claims around a contested place
     free_exponent: 8.0 "",
-    /// Exponent of the density of claims around a contested place
-    claim_exponent: 4.0 "",
     /// What it is worth to be the nearer one of two surfaces
     nearer_nats: 1.5 "nats",
 }

@@ -3,7 +3,7 @@
 //! ```text
 //! rise(u) = phase(u) − phase(u − 1), wrapped
 //! the phase continues to u if rise(u) is small, and the bend is small on at least one side of the step:
-//!     |rise(u) − rise(u − 1)| or |rise(u + 1) − rise(u)|
+//!     |rise(u) − rise(u − 1)| or |rise(u + 1) − rise(u)|; how small tells the noise of the phase at its modulation
 //! order(u) = order(u − 1) + the whole turn that the wrapped phase skips at the step; 0 where a run begins
 //! two runs of neighbouring rows are united if one whole number makes nine in ten of their common pixels continue
 //! ```
@@ -14,15 +14,18 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use super::model::Model;
+use super::noise::Noise;
 use crate::correspondence::bands::BAND_ROWS;
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::runs::{Runs, Union, divide_at_marks};
-use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::view::View;
-use crate::phase::PhaseMap;
+use crate::phase::{Modulation, PhaseMap};
 
 /// Fewest pixels that unite two runs.
 const MIN_SHARED_PX: u32 = 3;
+/// Greatest bend of a surface, however noisy it is, turns.
+const MOST_BEND_TURNS: f32 = 0.25;
 
 /// The runs of an image; the set of each is its surface.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +44,8 @@ pub(super) struct RowScratch {
     usable: Vec<u8>,
     /// Rise of the phase to each pixel from the one before.
     rise: Vec<i16>,
+    /// Bend at which a run ends.
+    max_bend: Vec<u16>,
     /// Whether a run ends before the pixel: 1 or 0.
     breaks: Vec<u8>,
     /// By how many orders the pixel differs from the one before.
@@ -49,13 +54,14 @@ pub(super) struct RowScratch {
 
 impl PhaseRuns {
     /// Finds the runs of the pixels with a segment, and unites them.
-    pub(super) fn find(&mut self, View { cam1, table, model, .. }: View<'_>, max_bend: u16) {
+    pub(super) fn find(&mut self, view: View<'_>, of_phase: Noise) {
+        let View { cam1, model, .. } = view;
         let max_row_step = (65536.0 * model.max_row_step_turns) as u16;
         let (width, height) = (cam1.width.max(1), cam1.height);
         let Self { runs, relative, surfaces } = self;
         relative.resize(cam1.phase.len(), 0);
         runs.divide(height, relative.par_chunks_mut(BAND_ROWS * width), |v, row, relative, runs| {
-            row.find_breaks(cam1, table, v, max_bend);
+            row.find_breaks(view, v, of_phase);
             row.count_orders(&mut relative[v % BAND_ROWS * width..][..width]);
             divide_at_marks(v * width, &row.breaks, |u| row.usable[u] == 1, runs);
         });
@@ -73,17 +79,19 @@ impl PhaseRuns {
 
 impl RowScratch {
     /// Finds where runs of row `v` end.
-    fn find_breaks(&mut self, cam1: &PhaseMap, table: &SegmentTable, v: usize, max_bend: u16) {
+    fn find_breaks(&mut self, View { cam1, table, model, .. }: View<'_>, v: usize, noise: Noise) {
         let width = cam1.width;
-        let Self { usable, rise, breaks, carry } = self;
+        let Self { usable, rise, max_bend, breaks, carry } = self;
         usable.resize(width, 0);
         rise.resize(width + 1, 0);
+        max_bend.resize(width, 0);
         breaks.resize(width, 0);
         carry.resize(width, 0);
         table.mark_segments(v, usable);
         let pixels = v * width..(v + 1) * width;
-        let (phase, valid) = (&cam1.phase[pixels.clone()], &cam1.valid[pixels]);
-        fringeflow_simd::run(Level::in_use(), BreakKernel { phase, valid, max_bend, row: self });
+        let (phase, valid) = (&cam1.phase[pixels.clone()], &cam1.valid[pixels.clone()]);
+        let modulation = &cam1.modulation[pixels];
+        fringeflow_simd::run(Level::in_use(), BreakKernel { phase, valid, modulation, noise, model, row: self });
     }
 
     /// Counts the orders of the pixels from the first one of their run.
@@ -100,7 +108,9 @@ impl RowScratch {
 struct BreakKernel<'a> {
     phase: &'a [u16],
     valid: &'a [bool],
-    max_bend: u16,
+    modulation: &'a [Modulation],
+    noise: Noise,
+    model: &'a Model,
     row: &'a mut RowScratch,
 }
 
@@ -109,7 +119,8 @@ impl Kernel for BreakKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { phase, valid, max_bend, row: RowScratch { usable, rise, breaks, carry } } = self;
+        let Self { phase, valid, modulation, noise, model, row } = self;
+        let RowScratch { usable, rise, max_bend, breaks, carry } = row;
         let width = phase.len();
         let (usable, valid) = (&mut usable[..width], &valid[..width]);
         for u in 0..width {
@@ -129,12 +140,18 @@ impl Kernel for BreakKernel<'_> {
                 rises[i] = if known_before[i] & known[i] == 1 { rise } else { i16::MIN };
             }
         }
+        for (limit, modulation) in max_bend.iter_mut().zip(modulation) {
+            let turns =
+                (model.bend_sd * noise.bend_turns(modulation.grey())).clamp(model.max_bend_turns, MOST_BEND_TURNS);
+            *limit = (65536.0 * turns) as u16;
+        }
         breaks[0] = 1;
         carry[0] = 0;
         let (last, rise, next) = (&rises[..width - 1], &rises[1..][..width - 1], &rises[2..][..width - 1]);
+        let max_bend = &max_bend[1..][..width - 1];
         let (breaks, carry) = (&mut breaks[1..][..width - 1], &mut carry[1..][..width - 1]);
         for i in 0..width - 1 {
-            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(rise[i]).unsigned_abs() > max_bend);
+            let bends = |other: i16| (other == i16::MIN) | (other.saturating_sub(rise[i]).unsigned_abs() > max_bend[i]);
             let is_large = rise[i].unsigned_abs() > MAX_STEP as u16;
             breaks[i] = u8::from(is_large | (bends(last[i]) & bends(next[i])));
             let up = i8::from((rise[i] > 0) & (here[i] < before[i]));

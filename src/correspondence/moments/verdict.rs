@@ -33,7 +33,7 @@ use crate::phase::Modulation;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
-/// Reach of the places around a contested one, in which claims are counted, pixels, and exponent of their share.
+/// Reach of the places around a contested one, in which claims are counted, pixels.
 const CLAIM_REACH: isize = 2;
 
 /// What is known of a component.
@@ -301,7 +301,7 @@ impl Verdict {
                 }
             }
             let all = (2 * CLAIM_REACH + 1) * (2 * CLAIM_REACH + 1);
-            view.model.claim_exponent * ln(count.max(1) as f32 / all as f32)
+            view.model.free_exponent * ln(count.max(1) as f32 / all as f32)
         };
         let founded = |pixel: u32| self.founded(pixel as usize, pixels.owner[pixel as usize], density(pixel));
         lost.clear();
