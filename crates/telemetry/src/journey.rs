@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use fringeflow_message::{Stage, StageReport};
 
 /// Maximum number of windows in progress. Older ones were dropped by a stage. A reader that had to wait for a processor
-/// gets all reports of one stage before those of the next: as many windows as a channel keeps for it (256) wait here.
-const MAX_IN_PROGRESS: usize = 320;
+/// gets all reports of one stage before those of the next: beside the usual 64, as many windows wait here as `report/stage`
+/// keeps reports for it.
+const MAX_IN_PROGRESS: usize = 64 + 256;
 
 /// A part of the time from exposure to cloud. The segments add up to the whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

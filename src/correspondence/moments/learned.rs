@@ -222,10 +222,11 @@ fn amounts(moments: &Moments) -> [f32; 4] {
 
 /// Width of the density of Student's t of each column of amounts, by its median. `None` if they are too few.
 fn widths(values: &mut Values) -> Option<[f32; 4]> {
+    (values.len() / 2 >= MIN_VALUES / 2).then(|| [0, 1, 2, 3].map(|column| median(values, column) / STUDENT_MEDIAN))
+}
+
+/// Median of a column of values, which are put into another order.
+pub(super) fn median(values: &mut [[f32; 4]], column: usize) -> f32 {
     let middle = values.len() / 2;
-    let mut width = |column: usize| {
-        let by_column = |a: &[f32; 4], b: &[f32; 4]| a[column].total_cmp(&b[column]);
-        values.select_nth_unstable_by(middle, by_column).1[column] / STUDENT_MEDIAN
-    };
-    (middle >= MIN_VALUES / 2).then(|| [0, 1, 2, 3].map(&mut width))
+    values.select_nth_unstable_by(middle, |a, b| a[column].total_cmp(&b[column])).1[column]
 }

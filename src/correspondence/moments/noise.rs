@@ -1,7 +1,7 @@
 //! Noise of δ of a pixel: variance a + b/B², B the modulation. Part of it is what the field cannot follow.
 
 use super::evidence::Evidence;
-use super::learned::Values;
+use super::learned::{Values, median};
 use super::likelihood::radians;
 use super::nodes::Nodes;
 use crate::correspondence::view::View;
@@ -62,8 +62,8 @@ impl Noise {
             return Self { a: 0.0, b: 0.0 };
         }
         let [[bright, low], [dim, high]] = [0, seen.len() - count].map(|first| {
-            let (own, middle) = (&mut seen[first..first + count], count / 2);
-            [own[middle][0], own.select_nth_unstable_by(middle, |a, b| a[1].total_cmp(&b[1])).1[1]]
+            let own = &mut seen[first..first + count];
+            [0, 1].map(|column| median(own, column))
         });
         let b = if dim > bright { ((high - low) / (dim - bright)).max(0.0) } else { 0.0 };
         Self { a: (low - b * bright).max(MIN_VARIANCE), b }
@@ -105,8 +105,7 @@ impl Noise {
             let range = seen.len() * bin / BINS..seen.len() * (bin + 1) / BINS;
             let own = &mut seen[range];
             let at = own.iter().map(|pair| f64::from(pair[0])).sum::<f64>() / own.len() as f64;
-            let middle = own.len() / 2;
-            let median = f64::from(own.select_nth_unstable_by(middle, |a, b| a[1].total_cmp(&b[1])).1[1]);
+            let median = f64::from(median(own, 1));
             let weight = 1.0 / (median * median + 1e-12);
             w += weight;
             x += weight * at;

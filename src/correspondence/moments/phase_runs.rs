@@ -141,8 +141,8 @@ impl Kernel for BreakKernel<'_> {
             }
         }
         for (limit, modulation) in max_bend.iter_mut().zip(modulation) {
-            let turns =
-                (model.bend_sd * noise.bend_turns(modulation.grey())).clamp(model.max_bend_turns, MOST_BEND_TURNS);
+            let by_noise = model.bend_sd * noise.bend_turns(modulation.grey());
+            let turns = by_noise.min(MOST_BEND_TURNS).max(model.max_bend_turns);
             *limit = (65536.0 * turns) as u16;
         }
         breaks[0] = 1;
