@@ -12,13 +12,14 @@
 //! for tiles of three sizes, over the pixels that are still open:
 //!     evidence, belief; components of nodes with one order; those founded well enough are looked at pixel by pixel
 //! adopt:            open pixels that continue a decided neighbour
-//! verdict:          ratios summed over whole surfaces; occupancy of C2
+//! verdict:          ratios summed over whole surfaces; breaks between them; occupancy of C2
 //! ```
 //!
 //! In: the phase of C1, C2 in the epipolar frame, segments. Out: a point, or a reason why there is none, for each pixel.
 
 mod adopt;
 mod belief;
+mod breaks;
 mod confidence;
 mod contacts;
 mod continuity;

@@ -3,6 +3,7 @@
 //! ```text
 //! unite parts whose pixels continue each other's absolute phase: components
 //! ratio of a component = ratio of the means of δ over its parts
+//!                        − what it costs to break a surface that a better founded component continues
 //!                        + evidence of occupancy: the share of its places in C2 that no better founded component holds
 //! a component below the least ratio is dropped
 //! of two points in one place of C2, the better founded one stays: by its part, its component, its own δ
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use super::breaks::{self, Breaks};
 use super::confidence::Grounds;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
@@ -38,13 +40,13 @@ const CLAIM_REACH: isize = 2;
 
 /// What is known of a component.
 #[derive(Clone, Copy, Debug, Default)]
-struct Component {
+pub(super) struct Component {
     /// Log likelihood ratio, nats.
-    nats: f32,
+    pub(super) nats: f32,
     /// Points.
-    size_px: u32,
+    pub(super) size_px: u32,
     /// Number of its parts, small ones counting less.
-    weight: f32,
+    pub(super) weight: f32,
 }
 
 impl Component {
@@ -81,6 +83,7 @@ pub(super) struct Verdict {
     sizes_px: Vec<u32>,
     offsets: Offsets,
     rows: Vec<RowOfParts>,
+    breaks: Breaks,
     /// Points of each component, and those whose place another holds.
     counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
@@ -93,6 +96,8 @@ struct RowOfParts {
     pairs: Vec<[u32; 2]>,
     /// Parts, and numbers of pixels beside each other in the row.
     sizes: Vec<[u32; 2]>,
+    /// Parts of one surface beside each other whose orders differ although the phase continues, and pixels of contact.
+    breaks: Vec<[u32; 3]>,
 }
 
 /// The places of C2 that two surfaces claim.
@@ -128,7 +133,7 @@ impl Verdict {
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, sizes_px: sizes, offsets, rows, .. } = self;
+        let Self { component_of, components, sizes_px: sizes, offsets, rows, breaks, .. } = self;
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
@@ -145,21 +150,36 @@ impl Verdict {
         for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
+        let broken = rows.iter().flat_map(|row| &row.breaks);
+        let pairs = broken.map(|&[a, b, pixels]| [component_of[a as usize], component_of[b as usize], pixels]);
+        breaks.charge(components, pairs, view.model.break_nats);
     }
 
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         let (width, height, owner) = (view.cam1.width, view.cam1.height, &*pixels.owner);
         self.rows.resize_with(height, RowOfParts::default);
-        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes })| {
+        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes, breaks })| {
             pairs.clear();
+            breaks.clear();
             sizes.clear();
             let own = &owner[v * width..(v + 1) * width];
             let below = if v + 1 < height { &owner[(v + 1) * width..(v + 2) * width] } else { own };
             let mut last = [NONE; 2];
             let mut pair = |pixel: usize, other: usize| {
                 let pair = [owner[pixel], owner[other]];
-                let is_new = pair[0] != pair[1] && !pair.contains(&NONE) && pair != last;
-                if is_new && !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
+                if pair[0] == pair[1] || pair.contains(&NONE) {
+                    return;
+                }
+                let step = pixels.absolute(view, pixel) - pixels.absolute(view, other);
+                if step.abs() > MAX_STEP {
+                    let [a, b] = pair.map(|part| parts[part as usize].surface);
+                    if a == b && breaks::goes_on(view, pixel, other) {
+                        match breaks.last_mut() {
+                            Some([a, b, count]) if [*a, *b] == pair => *count += 1,
+                            _ => breaks.push([pair[0], pair[1], 1]),
+                        }
+                    }
+                } else if pair != last {
                     pairs.push(pair);
                     last = pair;
                 }
