@@ -10,48 +10,29 @@
 //! Where two components break one surface, one of them is wrong at least, or the surface is two surfaces whose phases
 //! happen to go on. The price is what the latter costs for each pixel of contact.
 
+use std::cmp::Ordering;
+
 use super::verdict::Component;
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::view::View;
 
-/// Scratch memory.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Breaks {
-    /// Components, the best founded first, and the place of each among them.
-    order: Vec<u32>,
-    rank: Vec<u32>,
-    /// Ranks of the worse and of the better founded component, and pixels of contact.
-    found: Vec<[u32; 3]>,
-}
-
-impl Breaks {
-    /// Lets components pay for breaks: pairs of components with the pixels of their contact.
-    pub(super) fn charge(
-        &mut self,
-        components: &mut [Component],
-        pairs: impl Iterator<Item = [u32; 3]>,
-        price_nats: f32,
-    ) {
-        let Self { order, rank, found } = self;
-        order.clear();
-        order.extend(0..components.len() as u32);
-        let nats = |own: u32| components[own as usize].nats;
-        order.sort_unstable_by(|&a, &b| nats(b).total_cmp(&nats(a)).then(a.cmp(&b)));
-        rank.clear();
-        rank.resize(components.len(), 0);
-        (0..).zip(&*order).for_each(|(place, &own)| rank[own as usize] = place);
-        found.clear();
-        found.extend(pairs.map(|[a, b, pixels]| {
-            let [a, b] = [a, b].map(|component| rank[component as usize]);
-            [a.max(b), a.min(b), pixels]
-        }));
-        // A component comes after all that are better founded, so what they pay is known.
-        found.sort_unstable();
-        for &[worse, better, pixels] in &*found {
-            let [worse, better] = [worse, better].map(|place| order[place as usize] as usize);
-            if components[better].nats >= 0.0 {
-                components[worse].nats -= price_nats * pixels as f32;
-            }
+/// Lets components pay for breaks: pairs of components with the pixels of their contact, which are put into order.
+pub(super) fn charge(components: &mut [Component], broken: &mut [[u32; 3]], price_nats: f32) {
+    // The better founded component is the lesser one; of two alike, the first.
+    let founded = |a: u32, b: u32| {
+        let [of_a, of_b] = [a, b].map(|component| components[component as usize].nats);
+        of_b.total_cmp(&of_a).then(a.cmp(&b))
+    };
+    for [worse, better, _] in &mut *broken {
+        if founded(*worse, *better) == Ordering::Less {
+            std::mem::swap(worse, better);
+        }
+    }
+    // A component comes after all that are better founded, so what they pay is known.
+    broken.sort_unstable_by(|a, b| founded(a[0], b[0]).then_with(|| founded(a[1], b[1])).then(a[2].cmp(&b[2])));
+    for &[worse, better, pixels] in &*broken {
+        if components[better as usize].nats >= 0.0 {
+            components[worse as usize].nats -= price_nats * pixels as f32;
         }
     }
 }
@@ -74,7 +55,7 @@ mod tests {
 
     fn charged(nats: &[f32], pairs: &[[u32; 3]]) -> Vec<f32> {
         let mut components: Vec<_> = nats.iter().map(|&nats| Component { nats, ..Component::default() }).collect();
-        Breaks::default().charge(&mut components, pairs.iter().copied(), 0.5);
+        charge(&mut components, &mut pairs.to_vec(), 0.5);
         components.iter().map(|own| own.nats).collect()
     }
 

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::breaks::{self, Breaks};
+use super::breaks;
 use super::confidence::Grounds;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
@@ -83,7 +83,8 @@ pub(super) struct Verdict {
     sizes_px: Vec<u32>,
     offsets: Offsets,
     rows: Vec<RowOfParts>,
-    breaks: Breaks,
+    /// Components that break one surface, and pixels of contact.
+    broken: Vec<[u32; 3]>,
     /// Points of each component, and those whose place another holds.
     counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
@@ -97,7 +98,7 @@ struct RowOfParts {
     /// Parts, and numbers of pixels beside each other in the row.
     sizes: Vec<[u32; 2]>,
     /// Parts of one surface beside each other whose orders differ although the phase continues, and pixels of contact.
-    breaks: Vec<[u32; 3]>,
+    broken: Vec<[u32; 3]>,
 }
 
 /// The places of C2 that two surfaces claim.
@@ -133,7 +134,7 @@ impl Verdict {
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, sizes_px: sizes, offsets, rows, breaks, .. } = self;
+        let Self { component_of, components, sizes_px: sizes, offsets, rows, broken, .. } = self;
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
@@ -150,17 +151,19 @@ impl Verdict {
         for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
-        let broken = rows.iter().flat_map(|row| &row.breaks);
-        let pairs = broken.map(|&[a, b, pixels]| [component_of[a as usize], component_of[b as usize], pixels]);
-        breaks.charge(components, pairs, view.model.break_nats);
+        let component = |part: u32| component_of[part as usize];
+        let of_parts = rows.iter().flat_map(|row| &row.broken);
+        broken.clear();
+        broken.extend(of_parts.map(|&[a, b, pixels]| [component(a), component(b), pixels]));
+        breaks::charge(components, broken, view.model.break_nats);
     }
 
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         let (width, height, owner) = (view.cam1.width, view.cam1.height, &*pixels.owner);
         self.rows.resize_with(height, RowOfParts::default);
-        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes, breaks })| {
+        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes, broken })| {
             pairs.clear();
-            breaks.clear();
+            broken.clear();
             sizes.clear();
             let own = &owner[v * width..(v + 1) * width];
             let below = if v + 1 < height { &owner[(v + 1) * width..(v + 2) * width] } else { own };
@@ -170,18 +173,19 @@ impl Verdict {
                 if pair[0] == pair[1] || pair.contains(&NONE) {
                     return;
                 }
-                let step = pixels.absolute(view, pixel) - pixels.absolute(view, other);
-                if step.abs() > MAX_STEP {
-                    let [a, b] = pair.map(|part| parts[part as usize].surface);
-                    if a == b && breaks::goes_on(view, pixel, other) {
-                        match breaks.last_mut() {
-                            Some([a, b, count]) if [*a, *b] == pair => *count += 1,
-                            _ => breaks.push([pair[0], pair[1], 1]),
-                        }
+                if !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
+                    if pair != last {
+                        pairs.push(pair);
+                        last = pair;
                     }
-                } else if pair != last {
-                    pairs.push(pair);
-                    last = pair;
+                    return;
+                }
+                let [a, b] = pair.map(|part| parts[part as usize].surface);
+                if a == b && breaks::goes_on(view, pixel, other) {
+                    match broken.last_mut() {
+                        Some([a, b, count]) if [*a, *b] == pair => *count += 1,
+                        _ => broken.push([pair[0], pair[1], 1]),
+                    }
                 }
             };
             let mut u = 0;
