@@ -373,6 +373,19 @@ fn a_board_behind_the_volume_yields_no_points_behind_the_volume() {
 }
 
 #[test]
+fn a_board_close_behind_the_volume_is_not_taken_for_a_calibration_error() {
+    // A calibration error of a few tenths of a pixel would bring the whole board into the volume, at wrong orders.
+    let mut outside_cam2 = options(Object::Tooth, Arrangement { projector_place: 1.332, ..Arrangement::TABLE_TOP });
+    outside_cam2.board = Board::Apart(BoardApart { distance_mm: 12.0, albedo: 0.3, tilt_deg: 0.0 });
+    let outside_cam2 = Simulation::new(outside_cam2).unwrap();
+    for simulation in [simulation_with_board_behind(Object::Tooth, 12.0, 2), outside_cam2] {
+        let scores = scores(&simulation, &reconstruct(&simulation));
+        assert!(scores.com_percent > 94.0 && scores.interior_percent > Some(99.0), "{scores:?}");
+        assert!(scores.fpc_percent < 0.2, "{scores:?}");
+    }
+}
+
+#[test]
 fn results_do_not_depend_on_the_instruction_set_or_on_earlier_windows() {
     let simulations = [Object::Clutter, Object::Prism].map(simulation);
     let rig = simulations[0].rig();

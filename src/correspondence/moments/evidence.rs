@@ -9,6 +9,7 @@
 
 use super::field::Uncertainty;
 use super::likelihood::{Look, Moments, Sums, Widths};
+use super::model::Model;
 use super::nodes::{LABELS, NOTHING, Node, Nodes};
 use super::noise::Noise;
 use super::orders::SearchSpace;
@@ -36,8 +37,8 @@ pub(super) struct Question<'a> {
     /// |δ − field| below which a sample fits, rad.
     pub(super) cap: f32,
     pub(super) widths: Widths,
-    /// Handicap of orders outside the volume, nats: at most for a node, and for a whole surface.
-    pub(super) outside_nats: [f32; 2],
+    /// Handicap of an order outside the volume for a whole surface, nats.
+    pub(super) outside_nats: f32,
     /// Nodes of each surface.
     pub(super) of_surface: &'a [u32],
     pub(super) uncertainty: &'a Uncertainty,
@@ -50,7 +51,6 @@ pub(super) struct Question<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
     pub(super) label: u8,
-    pub(super) is_inside: bool,
     pub(super) ratio: f32,
     pub(super) moments: Moments,
 }
@@ -110,10 +110,10 @@ impl Evidence {
                     let pieces = &pieces[node.piece_range()];
                     let grid = Grid { runs, node, pieces, stride, tile_px, first_row: first, rows };
                     samples.take(view, space, &grid, question);
-                    (node.sampled, node.noise) = (samples.sampled, samples.mean_noise());
-                    let [most, whole] = question.outside_nats;
-                    let handicap = most.min(whole / question.of_surface[node.surface as usize] as f32);
-                    judge(view, (samples, listed, sums), question, handicap, scores, fits);
+                    (node.sampled, node.noise, node.inside) = (samples.sampled, samples.mean_noise(), samples.inside());
+                    judge(view, (samples, listed, sums), question, scores, fits);
+                    let handicap = handicap(view.model, question.outside_nats, question.of_surface, node);
+                    lower_outside(scores, node, handicap, view.model);
                 } else {
                     *scores = [0; LABELS];
                 }
@@ -127,6 +127,14 @@ impl Evidence {
             for range in &mut ranges[tile_rows[row]..tile_rows[row + 1]] {
                 *range = range.map(|place| place + before);
             }
+        }
+    }
+
+    /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node.
+    pub(super) fn raise_handicap(&mut self, nodes: &[Node], of_surface: &[u32], model: &Model) {
+        for (node, scores) in nodes.iter().zip(&mut self.scores).filter(|(node, _)| node.sampled > 0) {
+            let more = model.outside_node_nats - handicap(model, model.outside_nats, of_surface, node);
+            lower_outside(scores, node, more, model);
         }
     }
 
@@ -216,25 +224,19 @@ fn judge(
     view: View<'_>,
     (samples, listed, sums): (&mut Samples, &mut Vec<u8>, &mut Vec<Sums>),
     question: &Question<'_>,
-    outside_nats: f32,
     scores: &mut Scores,
     fits: &mut Vec<Fit>,
 ) {
     let model = view.model;
-    let score = |nats: f32| (nats * STEPS_PER_NAT) as i16;
     *scores = [score(model.unseen_nats); LABELS];
     scores[usize::from(NOTHING)] = score(model.nothing_nats);
-    let mut set = |samples: &Samples, label: u8, nats: f32| {
-        let handicap = if samples.is_inside(label) { 0.0 } else { outside_nats };
-        scores[usize::from(label)] = score((nats - handicap).max(model.floor_nats));
-    };
     samples.screen(view.cam2, question.cap);
     listed.clear();
     let [first, last] = samples.labels;
     for label in (first..=last).map(|label| label as u8) {
         match samples.outlook(usize::from(label), model) {
-            Outlook::Unseen => set(samples, label, model.unseen_nats),
-            Outlook::Unfit => set(samples, label, model.floor_nats),
+            Outlook::Unseen => {}
+            Outlook::Unfit => scores[usize::from(label)] = score(model.floor_nats),
             Outlook::Open => listed.push(label),
         }
     }
@@ -248,10 +250,28 @@ fn judge(
                 let mean = question.widths.mean;
                 let mean = (mean * mean + question.uncertainty.beyond(samples.place_of(label))).sqrt();
                 let ratio = moments.ratio(0.0, &Widths { mean, ..question.widths }, model);
-                fits.push(Fit { label, is_inside: samples.is_inside(label), ratio, moments });
+                fits.push(Fit { label, ratio, moments });
                 ratio
             }
         };
-        set(samples, label, nats);
+        scores[usize::from(label)] = score(nats);
+    }
+}
+
+fn score(nats: f32) -> i16 {
+    (nats * STEPS_PER_NAT) as i16
+}
+
+/// What an order outside the volume has against it in a node, nats, if it has so much against it for a whole surface.
+fn handicap(model: &Model, surface_nats: f32, of_surface: &[u32], node: &Node) -> f32 {
+    model.outside_node_nats.min(surface_nats / of_surface[node.surface as usize] as f32)
+}
+
+/// Lowers the scores of the labels outside the volume.
+fn lower_outside(scores: &mut Scores, node: &Node, nats: f32, model: &Model) {
+    let (by, floor) = (score(nats), score(model.floor_nats));
+    for label in (0..NOTHING).filter(|label| !node.has_inside(*label)) {
+        let score = &mut scores[usize::from(label)];
+        *score = (*score - by).max(floor);
     }
 }

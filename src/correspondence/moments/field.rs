@@ -20,7 +20,7 @@ use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::view::View;
 
 /// Fewest nodes of a fit, and most used.
-const MIN_NODES: usize = 6;
+pub(super) const MIN_NODES: usize = 6;
 const MAX_NODES: usize = 1200;
 /// Pixels along each axis, and step of depth in half segments, by which the uncertainty beyond is measured.
 const PLACES: usize = 3;

@@ -3,15 +3,21 @@
 //! ```text
 //! some times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
 //! if the means of nodes scatter about that field as wrong orders do: again, with a wide prior of the field
+//! if it is disputed which nodes lie in the volume: again, the other way; of both fields the one about which nodes are
+//!     likelier stays
 //! ```
+//!
+//! While a field is learned, an order outside the volume has its handicap in each node: so a large calibration error does
+//! not pass for surfaces outside. But to a board close behind the volume that error is there, at wrong orders inside. So
+//! where the first round decides otherwise if an order has its handicap once for a whole surface, both ways are gone.
 
 use super::Scratch;
 use super::decay::decay;
 use super::evidence::Evidence;
-use super::field::Uncertainty;
+use super::field::{MIN_NODES, Uncertainty};
 use super::likelihood::{Moments, Widths, ln};
 use super::model::{Model, Step};
-use super::nodes::{Node, Nodes};
+use super::nodes::{NOTHING, Node, Nodes};
 use super::noise::Noise;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
@@ -35,6 +41,8 @@ struct Attempt {
     first_cap: f32,
     /// Rounds of learning.
     rounds: usize,
+    /// Whether an order outside the volume has its handicap for a whole surface from the first round on.
+    by_surfaces: bool,
 }
 
 /// Scratch memory for values of nodes.
@@ -50,6 +58,10 @@ pub(in crate::correspondence) struct Learned {
     pub(super) cap: f32,
     /// Whether this is the last round, about the final field.
     pub(super) is_settled: bool,
+    /// Handicap of an order outside the volume for a whole surface, nats; infinite: each node has the whole of its own.
+    pub(super) outside_nats: f32,
+    /// Nodes that the first round put outside the volume until each had the whole handicap of an order there.
+    disputed: usize,
     /// Mean log likelihood ratio of a pixel by its node, nats.
     pub(in crate::correspondence) nats: f64,
 }
@@ -59,15 +71,21 @@ impl Scratch {
     pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>, of_phase: Noise) -> Learned {
         let model = view.model;
         // The small error of a calibrated rig, and one of any size.
-        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3 };
-        let any = Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6 };
+        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3, by_surfaces: false };
+        let any =
+            Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6, by_surfaces: false };
         let none = Drift::level(0.0, f64::from(model.first_mean_rad));
         let mut best: Option<Learned> = None;
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
             let learned = self.learn_from(view, attempt, start, of_phase);
             if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
-                return learned;
+                if learned.disputed < MIN_NODES {
+                    return learned;
+                }
+                let by_surfaces = Attempt { by_surfaces: true, ..*attempt };
+                let other = self.learn_from(view, &by_surfaces, start, of_phase);
+                return if other.nats > learned.nats { other } else { self.decide_again(view, learned) };
             }
             best = Some(match best {
                 Some(before) if before.nats >= learned.nats => before,
@@ -75,11 +93,16 @@ impl Scratch {
             });
         }
         // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
-        let mut best = best.unwrap_or_else(|| Learned::about(&none, &any, of_phase, model));
+        let best = best.unwrap_or_else(|| Learned::about(&none, &any, of_phase, model));
+        self.decide_again(view, best)
+    }
+
+    /// Decides the nodes from what was learned before another attempt.
+    fn decide_again(&mut self, view: View<'_>, mut learned: Learned) -> Learned {
         self.divide(view, 0, None);
-        self.ask(view, 0, &best, None);
-        best.nats = self.nats();
-        best
+        self.ask(view, 0, &learned, None);
+        learned.nats = self.nats();
+        learned
     }
 
     /// Learns in rounds, starting from a field.
@@ -88,7 +111,12 @@ impl Scratch {
         self.divide(view, 0, None);
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
+            let by_surfaces = attempt.by_surfaces || learned.is_settled;
+            learned.outside_nats = if by_surfaces || round == 0 { view.model.outside_nats } else { f32::INFINITY };
             self.ask(view, 0, &learned, None);
+            if !by_surfaces && round == 0 {
+                learned.disputed = self.raise_handicap(view.model);
+            }
             self.list_clear(view.model);
             let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
             let start = (&learned.field, attempt.prior_px);
@@ -123,6 +151,21 @@ impl Scratch {
         clear.extend((0_u32..).zip(&nodes.nodes).filter(|(i, node)| is_clear(*i as usize, node)).map(|(i, _)| i));
     }
 
+    /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node, and decides
+    /// the nodes again. Returns how many of them come into the volume.
+    fn raise_handicap(&mut self, model: &Model) -> usize {
+        let Self { nodes, evidence, outside, of_surface, .. } = self;
+        let sees = |node: &Node| node.sampled > 0 && node.label != NOTHING;
+        outside.clear();
+        outside.extend(
+            (0_u32..).zip(&nodes.nodes).filter(|(_, node)| sees(node) && !node.has_inside(node.label)).map(|(i, _)| i),
+        );
+        evidence.raise_handicap(&nodes.nodes, of_surface, model);
+        self.decide(model, 0);
+        let Self { nodes, outside, .. } = self;
+        outside.iter().filter(|&&i| nodes.nodes[i as usize].has_inside(nodes.nodes[i as usize].label)).count()
+    }
+
     /// Mean log likelihood ratio of a pixel by its node at its order, nats.
     fn nats(&self) -> f64 {
         let Self { nodes, evidence, .. } = self;
@@ -154,6 +197,8 @@ impl Learned {
             uncertainty: Uncertainty::default(),
             cap: attempt.first_cap,
             is_settled: false,
+            outside_nats: f32::INFINITY,
+            disputed: 0,
             nats: 0.0,
         }
     }

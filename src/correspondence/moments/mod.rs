@@ -183,6 +183,8 @@ pub(super) struct Scratch {
     messages: Messages,
     /// Nodes whose order is clear.
     clear: Vec<u32>,
+    /// Nodes outside the volume.
+    outside: Vec<u32>,
     fitting: Fitting,
     values: Values,
     sets: DisjointSets,
@@ -309,7 +311,7 @@ impl Scratch {
 
     /// Decides the nodes of a level.
     fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: Option<&Pixels<'_>>) {
-        let Self { runs, nodes, of_surface, evidence, messages, parts, .. } = self;
+        let Self { runs, nodes, of_surface, evidence, parts, .. } = self;
         let space = SearchSpace::from_table(view.table);
         let question = Question {
             // A quarter of the samples is enough to learn from.
@@ -317,21 +319,23 @@ impl Scratch {
             min_px: if level == 0 { 16 } else { 4 },
             cap: learned.cap,
             widths: learned.widths_at(level),
-            outside_nats: [
-                view.model.outside_node_nats,
-                if learned.is_settled { view.model.outside_nats } else { f32::INFINITY },
-            ],
+            outside_nats: learned.outside_nats,
             of_surface,
             uncertainty: &learned.uncertainty,
             noise: learned.noise,
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };
         evidence.gather(view, &learned.field, &space, runs, nodes, &question);
-        let price = view.model.price_nats / f32::from(1_u16 << level).sqrt();
         if let Some(pixels) = pixels.filter(|_| view.model.does(Step::Contacts)) {
-            contacts::continue_decided(view, runs, nodes, parts, pixels, price, &mut evidence.scores);
+            let price_nats = price_nats(view.model, level);
+            contacts::continue_decided(view, runs, nodes, parts, pixels, price_nats, &mut evidence.scores);
         }
-        belief::decide(nodes, &evidence.scores, price, messages);
+        self.decide(view.model, level);
+    }
+
+    /// Decides the nodes of a level from their evidence.
+    fn decide(&mut self, model: &Model, level: u8) {
+        belief::decide(&mut self.nodes, &self.evidence.scores, price_nats(model, level), &mut self.messages);
     }
 
     /// Opens the pixels of components again whose means speak against them, and of small ones: smaller tiles may see
@@ -365,6 +369,11 @@ impl Scratch {
             (pixels.owner[pixel], pixels.state[pixel]) = (NONE, OPEN);
         }
     }
+}
+
+/// Price of a change of order along a surface in the tiles of a level, nats.
+fn price_nats(model: &Model, level: u8) -> f32 {
+    model.price_nats / f32::from(1_u16 << level).sqrt()
 }
 
 /// Side of the tiles of a level, pixels.

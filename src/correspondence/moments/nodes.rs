@@ -47,6 +47,8 @@ pub(super) struct Node {
     pub(super) ratio: f32,
     /// Mean variance of δ of a sample, rad².
     pub(super) noise: f32,
+    /// First and last label that lie in the volume.
+    pub(super) inside: [u8; 2],
 }
 
 /// Neighbouring pixels of a row that belong to one node.
@@ -67,6 +69,12 @@ impl Node {
     #[inline]
     pub(super) fn order(&self, relative: i32) -> i32 {
         i32::from(self.label) + self.base + relative
+    }
+
+    /// Whether a label lies in the volume.
+    pub(super) fn has_inside(&self, label: u8) -> bool {
+        let [first, last] = self.inside;
+        (first..=last).contains(&label)
     }
 
     /// Index range of its pieces.
@@ -283,6 +291,7 @@ impl Node {
             lead: 0.0,
             ratio: 0.0,
             noise: 0.0,
+            inside: [0; 2],
         }
     }
 }

@@ -83,7 +83,8 @@ impl Scratch {
             let others = evidence.fits_of(i).iter().filter(|fit| fit.label != node.label);
             let other = others.fold(0.0_f32, |most, fit| most.max(fit.ratio));
             let odds = moments.map_or(model.floor_nats, |moments| moments.ratio(0.0, &widths, model)) - other;
-            let remains = |fit: &&Fit| fit.is_inside && fit.ratio >= own.max(model.look_nats) - model.look_nats;
+            let remains =
+                |fit: &&Fit| node.has_inside(fit.label) && fit.ratio >= own.max(model.look_nats) - model.look_nats;
             let candidates = evidence.fits_of(i).iter().filter(remains).count().clamp(1, 255) as u8;
             parts.push(Part {
                 level,

@@ -226,10 +226,11 @@ impl Samples {
         self.noise / self.sampled.max(1) as f32
     }
 
-    /// Whether a label lies in the volume.
-    pub(super) fn is_inside(&self, label: u8) -> bool {
-        let label = f32::from(label);
-        label >= self.inside[0] && label <= self.inside[1]
+    /// First and last label in the volume; the first exceeds the last if there is none.
+    pub(super) fn inside(&self) -> [u8; 2] {
+        let [first, last] = self.inside;
+        let end = f32::from(NOTHING);
+        if last < 0.0 || first >= end { [1, 0] } else { [first.max(0.0).ceil() as u8, last.min(end).floor() as u8] }
     }
 
     /// Distance of a label from the middle of the segment, half segments.
