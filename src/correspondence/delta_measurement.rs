@@ -18,9 +18,11 @@ use super::support::{Support, SupportRule};
 use super::unique::{Search, UniqueCandidates};
 use super::view::View;
 
-/// Rows of the bands in which references are selected, and the distance between bands.
+/// Bands of rows in which references are selected, and rows of one.
+const BANDS: usize = 4;
 const BAND_ROWS: usize = 16;
-const BAND_PITCH_ROWS: usize = 128;
+/// Rows of an image that is sampled whole.
+const FEW_ROWS: usize = 256;
 /// Fewest reference correspondences needed to refine the first estimate.
 const MIN_REFERENCES: usize = 200;
 /// Rounds of refinement, and the relative change of sd below which another round is skipped.
@@ -102,14 +104,15 @@ impl DeltaScratch {
     }
 }
 
-/// Lists the sampled rows: bands with one empty row after each, an eighth of the image. A small image is sampled whole.
+/// Lists the sampled rows: bands with one empty row after each. A small image is sampled whole.
 fn find_bands(height: usize, bands: &mut Vec<Option<usize>>) {
     bands.clear();
-    if height < 2 * BAND_PITCH_ROWS {
+    if height < FEW_ROWS {
         return bands.extend((0..height).map(Some));
     }
-    let rows = (0..height).filter(|v| v % BAND_PITCH_ROWS <= BAND_ROWS);
-    bands.extend(rows.map(|v| (v % BAND_PITCH_ROWS < BAND_ROWS).then_some(v)));
+    let pitch = height / BANDS;
+    let rows = (0..height).filter(|v| v % pitch <= BAND_ROWS);
+    bands.extend(rows.map(|v| (v % pitch < BAND_ROWS).then_some(v)));
 }
 
 /// Copies rows of a phase map one below the other. A row that is `None` has no phase.

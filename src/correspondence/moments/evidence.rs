@@ -10,11 +10,11 @@
 use super::field::Uncertainty;
 use super::likelihood::{Look, Moments, Sums, Widths};
 use super::model::Model;
-use super::nodes::{LABELS, NOTHING, Node, Nodes};
+use super::nodes::{LABELS, NOTHING, Node, Nodes, Outlook};
 use super::noise::Noise;
 use super::orders::SearchSpace;
 use super::phase_runs::PhaseRuns;
-use super::samples::{Grid, Outlook, Row, Samples};
+use super::samples::{Grid, Row, Samples};
 use crate::correspondence::drift::Drift;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::view::View;
@@ -111,7 +111,7 @@ impl Evidence {
                     let grid = Grid { runs, node, pieces, stride, tile_px, first_row: first, rows };
                     samples.take(view, space, &grid, question);
                     (node.sampled, node.noise, node.inside) = (samples.sampled, samples.mean_noise(), samples.inside());
-                    judge(view, (samples, listed, sums), question, scores, fits);
+                    judge(view, (samples, listed, sums), question, &mut node.outlook, scores, fits);
                     let handicap = handicap(view.model, question.outside_nats, question.of_surface, node);
                     lower_outside(scores, node, handicap, view.model);
                 } else {
@@ -224,22 +224,19 @@ fn judge(
     view: View<'_>,
     (samples, listed, sums): (&mut Samples, &mut Vec<u8>, &mut Vec<Sums>),
     question: &Question<'_>,
+    outlook: &mut Outlook,
     scores: &mut Scores,
     fits: &mut Vec<Fit>,
 ) {
     let model = view.model;
     *scores = [score(model.unseen_nats); LABELS];
     scores[usize::from(NOTHING)] = score(model.nothing_nats);
-    samples.screen(view.cam2, question.cap);
-    listed.clear();
-    let [first, last] = samples.labels;
-    for label in (first..=last).map(|label| label as u8) {
-        match samples.outlook(usize::from(label), model) {
-            Outlook::Unseen => {}
-            Outlook::Unfit => scores[usize::from(label)] = score(model.floor_nats),
-            Outlook::Open => listed.push(label),
-        }
+    if !outlook.holds_about(samples.field_turns(), question.cap) {
+        *outlook = samples.screen(view.cam2, question.cap, model);
     }
+    listed.clear();
+    Outlook::labels(outlook.unfit).for_each(|label| scores[usize::from(label)] = score(model.floor_nats));
+    listed.extend(Outlook::labels(outlook.open));
     samples.sum(view.cam2, question.cap, listed, sums);
     let widest = question.widths.wrong_slopes[0].max(question.widths.slopes[0]);
     for (&label, sums) in listed.iter().zip(&*sums) {

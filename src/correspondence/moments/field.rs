@@ -21,7 +21,7 @@ use crate::correspondence::view::View;
 
 /// Fewest nodes of a fit, and most used.
 pub(super) const MIN_NODES: usize = 6;
-const MAX_NODES: usize = 1200;
+const MAX_NODES: usize = 400;
 /// Pixels along each axis, and step of depth in half segments, by which the uncertainty beyond is measured.
 const PLACES: usize = 3;
 const STEP: f64 = 0.1;
@@ -184,6 +184,8 @@ impl Fitting {
         let seen = &mut self.seen;
         seen.clear();
         let count = clear.len().min(MAX_NODES);
+        // Each stands for others.
+        let share = clear.len() as f64 / count.max(1) as f64;
         for i in 0..count {
             let number = clear[i * clear.len() / count] as usize;
             let node = &nodes.nodes[number];
@@ -192,7 +194,7 @@ impl Fitting {
             if column_px.is_finite() {
                 let terms = terms_at(view.table, pixel, column_px);
                 let delta_turns = f64::from(fit.moments.mean) / TAU + terms.dot(present);
-                let weight = f64::from(fit.moments.count / (fit.moments.count + 16.0));
+                let weight = share * f64::from(fit.moments.count / (fit.moments.count + 16.0));
                 seen.push(Observation { terms, delta_turns, weight });
             }
         }

@@ -152,18 +152,18 @@ impl Scratch {
     }
 
     /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node, and decides
-    /// the nodes again. Returns how many of them come into the volume.
+    /// the nodes again. Returns from how many of those that come into the volume the field would be learned.
     fn raise_handicap(&mut self, model: &Model) -> usize {
         let Self { nodes, evidence, outside, of_surface, .. } = self;
-        let sees = |node: &Node| node.sampled > 0 && node.label != NOTHING;
+        let is_outside = |node: &Node| node.sampled > 0 && node.label != NOTHING && !node.has_inside(node.label);
         outside.clear();
-        outside.extend(
-            (0_u32..).zip(&nodes.nodes).filter(|(_, node)| sees(node) && !node.has_inside(node.label)).map(|(i, _)| i),
-        );
+        outside.extend(nodes.nodes.iter().map(is_outside));
         evidence.raise_handicap(&nodes.nodes, of_surface, model);
         self.decide(model, 0);
-        let Self { nodes, outside, .. } = self;
-        outside.iter().filter(|&&i| nodes.nodes[i as usize].has_inside(nodes.nodes[i as usize].label)).count()
+        self.list_clear(model);
+        let Self { nodes, clear, outside, .. } = self;
+        let is_inside = |node: &Node| node.has_inside(node.label);
+        clear.iter().map(|&i| i as usize).filter(|&i| outside[i] && is_inside(&nodes.nodes[i])).count()
     }
 
     /// Mean log likelihood ratio of a pixel by its node at its order, nats.

@@ -11,6 +11,8 @@
 //!
 //! A node's pixels are all looked at, at its order; adoption looks at the pixels beside decided ones.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
@@ -127,19 +129,55 @@ pub(super) fn look(
                 reach,
                 at_rims: false,
             };
-            let here = row * width;
-            looks.for_each(|u, seen| {
-                let at = here + u;
-                column_px[at] = seen.column_px;
-                order[at] = orders[u];
-                delta[at] = seen.delta;
-                slope[at] = seen.slope;
-                rest[at] = seen.rest;
-                state[at] = if seen.in_volume { INSIDE } else { BEYOND };
-                owner[at] = part_of[row * padded + u];
-            });
+            let here = row * width..(row + 1) * width;
+            let mut planes = RowOfPlanes {
+                column_px: &mut column_px[here.clone()],
+                order: &mut order[here.clone()],
+                delta: &mut delta[here.clone()],
+                slope: &mut slope[here.clone()],
+                state: &mut state[here.clone()],
+                owner: &mut owner[here.clone()],
+                rest: &mut rest[here],
+            };
+            let part_of = &part_of[row * padded..];
+            looks.for_each_block(|first, seen| planes.write(first, seen, &orders[first..], &part_of[first..]));
         }
     });
+}
+
+/// A row of the planes of decisions.
+struct RowOfPlanes<'a> {
+    column_px: &'a mut [f32],
+    order: &'a mut [i16],
+    delta: &'a mut [i16],
+    slope: &'a mut [i16],
+    state: &'a mut [u8],
+    owner: &'a mut [u32],
+    rest: &'a mut [i16],
+}
+
+impl RowOfPlanes<'_> {
+    /// Writes the decided pixels of a block, with their orders and parts.
+    fn write(&mut self, first: usize, seen: &BlockSeen, orders: &[i16], parts: &[u32]) {
+        let mut write = |lanes: Range<usize>| {
+            let pixels = first + lanes.start..first + lanes.end;
+            self.column_px[pixels.clone()].copy_from_slice(&seen.column_px[lanes.clone()]);
+            self.order[pixels.clone()].copy_from_slice(&orders[lanes.clone()]);
+            self.delta[pixels.clone()].copy_from_slice(&seen.delta[lanes.clone()]);
+            self.slope[pixels.clone()].copy_from_slice(&seen.slope[lanes.clone()]);
+            self.rest[pixels.clone()].copy_from_slice(&seen.rest[lanes.clone()]);
+            self.owner[pixels.clone()].copy_from_slice(&parts[lanes.clone()]);
+            for (state, lane) in self.state[pixels].iter_mut().zip(lanes) {
+                *state = if seen.in_volume >> lane & 1 == 1 { INSIDE } else { BEYOND };
+            }
+        };
+        // Mostly all pixels of a block are decided.
+        if seen.decided == u32::MAX {
+            write(0..LANES);
+        } else {
+            seen.for_each_lane(|lane| write(lane..lane + 1));
+        }
+    }
 }
 
 /// How far δ of a pixel may be off, turns.
@@ -168,17 +206,15 @@ pub(super) struct Looks<'a> {
 impl Looks<'_> {
     /// Calls `visit` with the number of each pixel that is decided, and what it saw.
     pub(super) fn for_each(&self, mut visit: impl FnMut(usize, &Seen)) {
+        self.for_each_block(|first, block| block.for_each_lane(|lane| visit(first + lane, &block.at(lane))));
+    }
+
+    /// Calls `visit` with the number of the first pixel of each block, and what its pixels saw.
+    fn for_each_block(&self, mut visit: impl FnMut(usize, &BlockSeen)) {
         for first in (0..self.orders.len()).step_by(LANES) {
             let end = self.orders.len().min(first + LANES);
-            if self.orders[first..end].iter().all(|order| *order == NO_ORDER) {
-                continue;
-            }
-            let block = fringeflow_simd::run(Level::in_use(), BlockLook { row: self, first });
-            let mut bits = block.decided;
-            while bits != 0 {
-                let lane = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                visit(first + lane, &block.at(lane));
+            if self.orders[first..end].iter().any(|order| *order != NO_ORDER) {
+                visit(first, &fringeflow_simd::run(Level::in_use(), BlockLook { row: self, first }));
             }
         }
     }
@@ -200,28 +236,31 @@ struct BlockSeen {
     decided: u32,
     in_volume: u32,
     column_px: [f32; LANES],
-    /// δ less the field, and the field, turns · 65536.
-    rest: [f32; LANES],
-    field: [f32; LANES],
+    /// As in [`Seen`].
+    delta: [i16; LANES],
+    rest: [i16; LANES],
     slope: [i16; LANES],
 }
 
 impl BlockSeen {
     fn at(&self, lane: usize) -> Seen {
-        let (rest, field) = (self.rest[lane], self.field[lane]);
         Seen {
             column_px: self.column_px[lane],
-            delta: nearest(rest + field),
-            rest: nearest(rest),
+            delta: self.delta[lane],
+            rest: self.rest[lane],
             slope: self.slope[lane],
             in_volume: self.in_volume >> lane & 1 == 1,
         }
     }
-}
 
-/// The nearest whole number in the range of words.
-fn nearest(value: f32) -> i16 {
-    (value + 0.5_f32.copysign(value)) as i16
+    /// Calls `visit` with each lane that is decided.
+    fn for_each_lane(&self, mut visit: impl FnMut(usize)) {
+        let mut bits = self.decided;
+        while bits != 0 {
+            visit(bits.trailing_zeros() as usize);
+            bits &= bits - 1;
+        }
+    }
 }
 
 struct BlockLook<'a> {
@@ -306,14 +345,23 @@ impl Kernel for BlockLook<'_> {
             decided: lanes.bits(decided),
             in_volume: lanes.bits(in_volume),
             column_px: [0.0; LANES],
-            rest: [0.0; LANES],
-            field: [0.0; LANES],
+            delta: [0; LANES],
+            rest: [0; LANES],
             slope: [0; LANES],
         };
         lanes.store_floats(at_px, &mut seen.column_px);
-        lanes.store_floats(lanes.times_float(rests, float(65536.0)), &mut seen.rest);
-        lanes.store_floats(lanes.times_float(field, float(65536.0)), &mut seen.field);
+        let (rest, field) = (lanes.times_float(rests, float(65536.0)), lanes.times_float(field, float(65536.0)));
+        lanes.store_signed(nearest_words(lanes, rest), &mut seen.rest);
+        lanes.store_signed(nearest_words(lanes, lanes.add_float(rest, field)), &mut seen.delta);
         lanes.store_signed(lanes.narrow_signed(slopes), &mut seen.slope);
         seen
     }
+}
+
+/// The nearest whole numbers in the range of words.
+#[inline(always)]
+fn nearest_words<L: Lanes>(lanes: L, values: L::Floats) -> L::Words {
+    let is_positive = lanes.reaches(values, lanes.float(0.0));
+    let half = lanes.select_float(is_positive, lanes.float(0.5), lanes.float(-0.5));
+    lanes.narrow_signed(lanes.longs(lanes.add_float(values, half)))
 }

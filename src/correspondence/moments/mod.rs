@@ -183,8 +183,8 @@ pub(super) struct Scratch {
     messages: Messages,
     /// Nodes whose order is clear.
     clear: Vec<u32>,
-    /// Nodes outside the volume.
-    outside: Vec<u32>,
+    /// Whether each node lies outside the volume.
+    outside: Vec<bool>,
     fitting: Fitting,
     values: Values,
     sets: DisjointSets,

@@ -15,6 +15,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::OPEN;
+use super::likelihood::radians;
 use super::phase_runs::PhaseRuns;
 
 /// Stands for no node.
@@ -49,6 +50,35 @@ pub(super) struct Node {
     pub(super) noise: f32,
     /// First and last label that lie in the volume.
     pub(super) inside: [u8; 2],
+    /// What was seen of all labels.
+    pub(super) outlook: Outlook,
+}
+
+/// The labels of a node by what a few samples tell of them, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Outlook {
+    /// They may fit.
+    pub(super) open: u128,
+    /// Too few samples fit. Of the others, C2 sees too few.
+    pub(super) unfit: u128,
+    /// The field about which they were asked, turns, and how far δ could be off, rad.
+    pub(super) field_turns: f32,
+    pub(super) cap: f32,
+}
+
+impl Outlook {
+    /// The labels whose bits are set.
+    pub(super) fn labels(mut bits: u128) -> impl Iterator<Item = u8> {
+        std::iter::from_fn(move || {
+            let label = bits.trailing_zeros() as u8;
+            (bits != 0).then(|| bits &= bits - 1).map(|()| label)
+        })
+    }
+
+    /// Whether it holds for δ closer to another field.
+    pub(super) fn holds_about(&self, field_turns: f32, cap: f32) -> bool {
+        radians((field_turns - self.field_turns).abs()) + cap <= self.cap
+    }
 }
 
 /// Neighbouring pixels of a row that belong to one node.
@@ -292,6 +322,7 @@ impl Node {
             ratio: 0.0,
             noise: 0.0,
             inside: [0; 2],
+            outlook: Outlook::default(),
         }
     }
 }

@@ -1,11 +1,14 @@
 //! Points, or reasons why there is none, from the decisions about all pixels.
 
+use std::ops::Range;
+
 use fringeflow_base::outcome::Outcome;
 use rayon::prelude::*;
 
 use super::confidence::Confidence;
 use super::verdict::Verdict;
-use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
+use super::{BEYOND, OPEN, Part, Pixels};
+use crate::correspondence::chosen::ChosenRow;
 use crate::correspondence::delta_statistics::DeltaSums;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::view::View;
@@ -37,6 +40,23 @@ pub(super) struct Written<'a> {
     pub(super) confidence: &'a mut [Confidence],
 }
 
+/// A row of them.
+struct WrittenRow<'a> {
+    outcomes: &'a mut [Outcome],
+    passing: &'a mut [u8],
+    confidence: &'a mut [Confidence],
+    chosen: ChosenRow<'a>,
+}
+
+impl WrittenRow<'_> {
+    /// A pixel without a point.
+    #[inline]
+    fn nothing(&mut self, u: usize, outcome: Outcome) {
+        (self.outcomes[u], self.passing[u], self.confidence[u]) = (outcome, 0, Confidence::NONE);
+        self.chosen.set(u, None);
+    }
+}
+
 /// What the points follow from.
 pub(super) struct Foundation<'a> {
     pub(super) view: View<'a>,
@@ -62,58 +82,84 @@ impl Foundation<'_> {
             confidence.par_chunks_mut(width),
             pixels.chosen.rows_mut(width),
         );
-        let rows = planes.into_par_iter().enumerate().map(|(v, (outcomes, passing, confidence, mut chosen))| {
+        let rows = planes.into_par_iter().enumerate().map(|(v, (outcomes, passing, confidence, chosen))| {
+            let mut written = WrittenRow { outcomes, passing, confidence, chosen };
             let mut counts = Counts::default();
             let mut has_segment = pool.take();
             has_segment.resize(width, 0);
             self.view.table.mark_segments(v, &mut has_segment);
-            for u in 0..width {
-                let pixel = v * width + u;
-                let is_usable = state[pixel] != OPEN || (self.view.cam1.valid[pixel] && has_segment[u] != 0);
-                let mut outcome = self.outcome(pixel, state[pixel], owner[pixel], is_usable, outcomes[u]);
-                (passing[u], confidence[u]) = (0, Confidence::NONE);
-                counts.decided += u32::from(state[pixel] != OPEN);
-                counts.usable += u32::from(is_usable);
-                if outcome.is_found() {
-                    let own = Confidence::of(&self.verdict.grounds(
-                        pixel,
-                        owner[pixel],
-                        [self.continuing[pixel], self.depths[pixel]],
-                    ));
-                    if own.probability() < self.min_confidence {
-                        outcome = Outcome::Ambiguous;
-                    } else {
-                        (passing[u], confidence[u]) = (self.parts[owner[pixel] as usize].candidates, own);
-                        // At rims, where pixels are adopted, two surfaces mix.
-                        if self.depths[pixel] == 0 {
-                            counts.rests = counts.rests.merged(DeltaSums::of(rest[pixel]));
-                        }
-                    }
+            let mut begin = 0;
+            while begin < width {
+                // What follows from the part is the same for all its pixels beside each other.
+                let first = v * width + begin;
+                let of_part = (owner[first], state[first]);
+                let of_row = owner[first..(v + 1) * width].iter().zip(&state[first..]);
+                let end = begin + of_row.take_while(|(owner, state)| (**owner, **state) == of_part).count();
+                let run = begin..end;
+                begin = end;
+                let (part, state) = of_part;
+                if state != OPEN {
+                    counts.decided += run.len() as u32;
+                    counts.usable += run.len() as u32;
                 }
-                if !outcome.is_found() {
-                    chosen.set(u, None);
+                match state {
+                    OPEN => run.for_each(|u| {
+                        let is_usable = self.view.cam1.valid[v * width + u] && has_segment[u] != 0;
+                        counts.usable += u32::from(is_usable);
+                        written.nothing(u, self.reason(v * width + u, is_usable, written.outcomes[u]));
+                    }),
+                    BEYOND => run.for_each(|u| written.nothing(u, Outcome::OutsideVolume)),
+                    _ => self.write_points((v, run), part, rest, &mut written, &mut counts.rests),
                 }
-                outcomes[u] = outcome;
             }
             counts
         });
         rows.reduce(Counts::default, Counts::merged)
     }
 
-    /// The outcome of a pixel before its confidence is known. `is_usable` tells whether it could have an order, `dropped`
-    /// why a decision was taken back.
-    fn outcome(&self, pixel: usize, state: u8, owner: u32, is_usable: bool, dropped: Outcome) -> Outcome {
-        match state {
-            INSIDE => match self.parts[owner as usize] {
-                Part { candidates: 1, level: 0, .. } => Outcome::Reference,
-                Part { candidates: 1, .. } => Outcome::Unique,
-                _ => Outcome::AcrossEpipolar,
-            },
-            BEYOND => Outcome::OutsideVolume,
-            _ if dropped != Outcome::RejectedByDelta => dropped,
-            _ if is_usable => Outcome::RejectedByDelta,
-            _ if self.view.cam1.valid[pixel] => Outcome::OutsideVolume,
-            _ => Outcome::Invalid,
+    /// Writes pixels of row `v` that belong to one part in the volume.
+    fn write_points(
+        &self,
+        (v, columns): (usize, Range<usize>),
+        part: u32,
+        rest: &[i16],
+        written: &mut WrittenRow<'_>,
+        rests: &mut DeltaSums,
+    ) {
+        let part_of = &self.parts[part as usize];
+        let outcome = match part_of {
+            Part { candidates: 1, level: 0, .. } => Outcome::Reference,
+            Part { candidates: 1, .. } => Outcome::Unique,
+            _ => Outcome::AcrossEpipolar,
+        };
+        for u in columns {
+            let pixel = v * self.view.cam1.width + u;
+            let depth = self.depths[pixel];
+            let own = Confidence::of(&self.verdict.grounds(pixel, part, [self.continuing[pixel], depth]));
+            if own.probability() < self.min_confidence {
+                written.nothing(u, Outcome::Ambiguous);
+                continue;
+            }
+            written.outcomes[u] = outcome;
+            (written.passing[u], written.confidence[u]) = (part_of.candidates, own);
+            // At rims, where pixels are adopted, two surfaces mix.
+            if depth == 0 {
+                *rests = rests.merged(DeltaSums::of(rest[pixel]));
+            }
+        }
+    }
+
+    /// Why an open pixel has no point. `is_usable` tells whether it could have an order, `dropped` why a decision was
+    /// taken back.
+    fn reason(&self, pixel: usize, is_usable: bool, dropped: Outcome) -> Outcome {
+        if dropped != Outcome::RejectedByDelta {
+            dropped
+        } else if is_usable {
+            Outcome::RejectedByDelta
+        } else if self.view.cam1.valid[pixel] {
+            Outcome::OutsideVolume
+        } else {
+            Outcome::Invalid
         }
     }
 }

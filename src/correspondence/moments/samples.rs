@@ -12,7 +12,7 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 use super::evidence::Question;
 use super::likelihood::{Sums, radians};
 use super::model::Model;
-use super::nodes::{LABELS, NOTHING, Node, Piece};
+use super::nodes::{LABELS, NOTHING, Node, Outlook, Piece};
 use super::orders::{Line, Lines, SearchSpace, columns_around_each, rests, rests_of_orders};
 use super::phase_runs::PhaseRuns;
 use crate::correspondence::drift::DepthRow;
@@ -24,7 +24,7 @@ use crate::correspondence::view::View;
 /// Most samples of a node.
 const MOST: usize = 2 * LANES;
 /// Samples that are asked at all orders.
-const SCREENED: usize = 16;
+const SCREENED: usize = 8;
 /// Room for labels, and for the lanes of the last vector behind them.
 const ROOM: usize = LABELS + LANES;
 /// Sums kept; their order is that of [`Sums`].
@@ -32,17 +32,6 @@ const SUMS: usize = 11;
 
 /// One number of each sample.
 type Numbers = [f32; MOST];
-
-/// What a few samples tell about a label.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outlook {
-    /// C2 sees too few of the samples.
-    Unseen,
-    /// Too few samples fit.
-    Unfit,
-    /// It may fit.
-    Open,
-}
 
 /// The samples of a node, one array per number.
 #[derive(Clone, Debug)]
@@ -196,23 +185,29 @@ impl Samples {
     }
 
     /// Asks a few samples at all orders.
-    pub(super) fn screen(&mut self, image: &EpipolarImage, cap: f32) {
+    pub(super) fn screen(&mut self, image: &EpipolarImage, cap: f32, model: &Model) -> Outlook {
         self.seen.fill(0);
         self.fitting.fill(0);
         self.screened = screened(self.count).count();
         fringeflow_simd::run(Level::in_use(), Screen { samples: self, image, cap });
+        let mut outlook = Outlook { field_turns: self.field_turns(), cap, ..Outlook::default() };
+        let [first, last] = self.labels;
+        for label in first..=last {
+            let [seen, fitting] = [self.seen[label as usize], self.fitting[label as usize]].map(f32::from);
+            if seen < model.min_seen * self.screened as f32 || seen == 0.0 {
+                continue;
+            } else if fitting == 0.0 || fitting < 0.5 * model.min_share * seen {
+                outlook.unfit |= 1 << label;
+            } else {
+                outlook.open |= 1 << label;
+            }
+        }
+        outlook
     }
 
-    /// What the screened samples tell about a label.
-    pub(super) fn outlook(&self, label: usize, model: &Model) -> Outlook {
-        let [seen, fitting] = [self.seen[label], self.fitting[label]].map(f32::from);
-        if seen < model.min_seen * self.screened as f32 || seen == 0.0 {
-            Outlook::Unseen
-        } else if fitting == 0.0 || fitting < 0.5 * model.min_share * seen {
-            Outlook::Unfit
-        } else {
-            Outlook::Open
-        }
+    /// The field in the middle of the volume, at one of the samples, turns.
+    pub(super) fn field_turns(&self) -> f32 {
+        self.field.segment(0).at(self.segments.segment(0).reference_px)
     }
 
     /// Sums over all samples at some labels.
