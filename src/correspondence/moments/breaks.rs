@@ -39,14 +39,20 @@ pub(super) fn charge(components: &mut [Component], broken: &mut [[u32; 3]], pric
 
 /// Whether step and slope of the wrapped phase of C1 go on from a pixel to the one beside or below it.
 pub(super) fn goes_on(view: View<'_>, pixel: usize, next: usize) -> bool {
-    let (phase, by) = (&view.cam1.phase, next - pixel);
-    if pixel < by || next + by >= phase.len() {
-        return false;
-    }
-    let step = |pixel: usize| i32::from(phase[pixel + by].wrapping_sub(phase[pixel]) as i16);
-    let [before, own, after] = [pixel - by, pixel, next].map(step);
     let limit = (65536.0 * view.model.max_bend_turns) as i32;
-    own.abs() <= MAX_STEP && (own - before).abs() < limit && (after - own).abs() < limit
+    bends_less(&view.cam1.phase, view.cam1.width, [pixel, next], limit)
+}
+
+/// Whether the phase bends less than this, turns · 65536, on both sides of the step from a pixel to the one beside or
+/// below it. Not at the border of the image, where one of the sides is missing.
+fn bends_less(phase: &[u16], width: usize, [pixel, next]: [usize; 2], limit: i32) -> bool {
+    let (by, column) = (next - pixel, pixel % width);
+    let has_sides = if by == 1 { column > 0 && column + 2 < width } else { pixel >= by && next + by < phase.len() };
+    let step = |pixel: usize| i32::from(phase[pixel + by].wrapping_sub(phase[pixel]) as i16);
+    has_sides && {
+        let [before, own, after] = [pixel - by, pixel, next].map(step);
+        own.abs() <= MAX_STEP && (own - before).abs() < limit && (after - own).abs() < limit
+    }
 }
 
 #[cfg(test)]
@@ -57,6 +63,24 @@ mod tests {
         let mut components: Vec<_> = nats.iter().map(|&nats| Component { nats, ..Component::default() }).collect();
         charge(&mut components, &mut pairs.to_vec(), 0.5);
         components.iter().map(|own| own.nats).collect()
+    }
+
+    #[test]
+    fn a_phase_goes_on_where_neither_side_bends_and_never_at_the_border() {
+        // Rows of a plane, whose phase rises by 0.1 turns a column and 0.05 a row, through the end of the turn.
+        let plane: Vec<u16> = (0..25).map(|i| (i % 5 * 6554 + i / 5 * 3277) as u16).collect();
+        let goes_on = |phase: &[u16], pair: [usize; 2]| bends_less(phase, 5, pair, 2000);
+        for pixel in 0..24 {
+            let (column, row) = (pixel % 5, pixel / 5);
+            assert_eq!(goes_on(&plane, [pixel, pixel + 1]), (1..3).contains(&column), "{pixel}");
+            if row < 4 {
+                assert_eq!(goes_on(&plane, [pixel, pixel + 5]), (1..3).contains(&row), "{pixel}");
+            }
+        }
+        // A jump of half a turn, and a bend one pixel further.
+        let jumps: Vec<u16> =
+            plane.iter().enumerate().map(|(i, &p)| p.wrapping_add(if i % 5 > 1 { 32768 } else { 0 })).collect();
+        assert!(!goes_on(&jumps, [11, 12]) && !goes_on(&jumps, [12, 13]));
     }
 
     #[test]

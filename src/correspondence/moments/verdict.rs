@@ -154,7 +154,8 @@ impl Verdict {
         let component = |part: u32| component_of[part as usize];
         let of_parts = rows.iter().flat_map(|row| &row.broken);
         broken.clear();
-        broken.extend(of_parts.map(|&[a, b, pixels]| [component(a), component(b), pixels]));
+        let of_components = of_parts.map(|&[a, b, pixels]| [component(a), component(b), pixels]);
+        broken.extend(of_components.filter(|[a, b, _]| a != b));
         breaks::charge(components, broken, view.model.break_nats);
     }
 
