@@ -78,14 +78,17 @@ impl Scratch {
         let mut best: Option<Learned> = None;
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
-            let learned = self.learn_from(view, attempt, start, of_phase);
-            if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
-                if learned.disputed < MIN_NODES {
-                    return learned;
+            let mut learned = self.learn_from(view, attempt, start, of_phase);
+            let mut decides = true;
+            if learned.disputed >= MIN_NODES {
+                let other = self.learn_from(view, &Attempt { by_surfaces: true, ..*attempt }, start, of_phase);
+                decides = other.nats > learned.nats;
+                if decides {
+                    learned = other;
                 }
-                let by_surfaces = Attempt { by_surfaces: true, ..*attempt };
-                let other = self.learn_from(view, &by_surfaces, start, of_phase);
-                return if other.nats > learned.nats { other } else { self.decide_again(view, learned) };
+            }
+            if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
+                return if decides { learned } else { self.decide_again(view, learned) };
             }
             best = Some(match best {
                 Some(before) if before.nats >= learned.nats => before,

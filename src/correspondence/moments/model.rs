@@ -111,8 +111,8 @@ model! {
     cap_rad: 0.2 "rad",
     /// sd of the mean of a true order about no field
     first_mean_rad: 0.06 "rad",
-    /// sd of the means of nodes from which on the field is wrong: true orders leave .008 to .02, wrong ones .04 to .1
-    scattered_rad: 0.03 "rad",
+    /// sd of the means of nodes from which on the field is wrong: true orders leave about .01, wrong ones .017 to .1
+    scattered_rad: 0.02 "rad",
     /// sd of the mean of a node about the field in its fit
     node_mean_rad: 0.04 "rad",
     /// Distance at which a node no longer counts in the fit
