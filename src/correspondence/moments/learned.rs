@@ -2,14 +2,13 @@
 //!
 //! ```text
 //! some times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
+//! if it is disputed which nodes lie in the volume: again, the other way; the field about which nodes are likelier stays
 //! if the means of nodes scatter about that field as wrong orders do: again, with a wide prior of the field
-//! if it is disputed which nodes lie in the volume: again, the other way; of both fields the one about which nodes are
-//!     likelier stays
 //! ```
 //!
 //! While a field is learned, an order outside the volume has its handicap in each node: so a large calibration error does
 //! not pass for surfaces outside. But to a board close behind the volume that error is there, at wrong orders inside. So
-//! where the first round decides otherwise if an order has its handicap once for a whole surface, both ways are gone.
+//! where the first round decides otherwise if an order has its handicap once for a whole surface, the field is learned both ways.
 
 use super::Scratch;
 use super::decay::decay;
@@ -79,6 +78,7 @@ impl Scratch {
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
             let mut learned = self.learn_from(view, attempt, start, of_phase);
+            // Whether the nodes are decided by what counts.
             let mut decides = true;
             if learned.disputed >= MIN_NODES {
                 let other = self.learn_from(view, &Attempt { by_surfaces: true, ..*attempt }, start, of_phase);
