@@ -8,7 +8,8 @@
 //!
 //! While a field is learned, an order outside the volume has its handicap in each node: so a large calibration error does
 //! not pass for surfaces outside. But to a board close behind the volume that error is there, at wrong orders inside. So
-//! where the first round decides otherwise if an order has its handicap once for a whole surface, the field is learned both ways.
+//! where the first round decides otherwise if an order has its handicap once for a whole surface, the field is learned both
+//! ways.
 
 use super::Scratch;
 use super::decay::decay;
