@@ -15,6 +15,7 @@ use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::phase::PhaseMap;
 
+use super::neighbourhood::phase_step;
 use super::patches::{Columns, PATCH_PX, POWERS};
 use super::pool::Pool;
 use super::segment_table::SegmentTable;
@@ -255,7 +256,7 @@ impl Marked<'_> {
 /// a pixel that continues nothing mixes surfaces.
 fn slope(phases: [Option<u16>; 5]) -> i32 {
     let step = |from: usize| {
-        let step = i32::from(phases[from + 1]?.wrapping_sub(phases[from]?) as i16);
+        let step = phase_step(phases[from]?, phases[from + 1]?);
         (step.abs() <= MAX_NEIGHBOUR_STEP).then_some(step)
     };
     let steps = [0, 1, 2, 3].map(step);
@@ -276,9 +277,8 @@ fn pair(phase: &[u16], first: usize) -> u32 {
 #[inline(always)]
 fn interpolate([upper_left, upper_right, lower_left, lower_right]: [u16; 4], [right, below]: [i32; 2]) -> (u16, u16) {
     let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
-    let step = |from: u16, to: u16| i32::from(to.wrapping_sub(from) as i16);
-    let (top, bottom) = (step(upper_left, upper_right), step(lower_left, lower_right));
-    let (at_left, at_right) = (step(upper_left, lower_left), step(upper_right, lower_right));
+    let (top, bottom) = (phase_step(upper_left, upper_right), phase_step(lower_left, lower_right));
+    let (at_left, at_right) = (phase_step(upper_left, lower_left), phase_step(upper_right, lower_right));
     let is_small = |step: i32| step.abs() <= MAX_NEIGHBOUR_STEP;
     let is_flat = |twist: i32| twist.abs() <= MAX_TWIST;
     let smooth = is_phase(upper_left)

@@ -1,4 +1,4 @@
-//! Limits on how the wrapped phase of C1 changes from pixel to pixel on one surface.
+//! How the wrapped phase changes from pixel to pixel, and how far it does on one surface.
 
 /// One turn of phase.
 pub(super) const TURN: i32 = 65536;
@@ -9,6 +9,12 @@ pub(super) const MAX_STEP: i32 = 24576;
 /// Largest change of the step from one pixel to the next on one surface (22°). Across a depth edge the wrapped phase
 /// jumps by any amount: three quarters of such jumps pass [`MAX_STEP`], one in eight passes this too.
 pub(super) const MAX_STEP_CHANGE: i32 = 4000;
+
+/// Step from one wrapped phase to another, less than half a turn either way, turns · 65536.
+#[inline(always)]
+pub(super) fn phase_step(from: u16, to: u16) -> i32 {
+    i32::from(to.wrapping_sub(from) as i16)
+}
 
 /// The four neighbours of a pixel, as far as they lie in the image.
 pub(super) fn neighbours(pixel: usize, width: usize, pixels: usize) -> [Option<usize>; 4] {

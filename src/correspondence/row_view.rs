@@ -6,6 +6,7 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::epipolar_image::{EpipolarImage, MAX_NEIGHBOUR_STEP};
 use super::kernels::{MAX_COLUMN_STEP, interpolate_rows};
+use super::neighbourhood::phase_step;
 
 /// Blocks of columns searched at once: more than most segments have.
 const BLOCKS_AT_A_TIME: usize = 64;
@@ -37,7 +38,7 @@ impl<'a> RowView<'a> {
     #[inline]
     fn at(&self, column: usize) -> Option<u16> {
         let (upper, lower) = (self.upper[column], self.lower[column]);
-        let step = i32::from(lower.wrapping_sub(upper) as i16);
+        let step = phase_step(upper, lower);
         let is_phase = |phase: u16| phase != EpipolarImage::NO_PHASE;
         match (is_phase(upper), is_phase(lower)) {
             (true, true) if step.abs() <= MAX_NEIGHBOUR_STEP => {
@@ -51,7 +52,7 @@ impl<'a> RowView<'a> {
     /// Phase at a column less another phase, wrapped, turns · 65536.
     #[inline]
     fn difference(&self, column: usize, phase: u16) -> Option<i32> {
-        self.at(column).map(|p| i32::from(p.wrapping_sub(phase) as i16))
+        self.at(column).map(|p| phase_step(phase, p))
     }
 
     /// Calls `visit` with each place between `columns` and within `limits_px` that has the phase: its column, and the

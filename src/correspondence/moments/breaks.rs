@@ -13,7 +13,7 @@
 use std::cmp::Ordering;
 
 use super::verdict::Component;
-use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::neighbourhood::{MAX_STEP, phase_step};
 use crate::correspondence::view::View;
 
 /// Lets components pay for breaks: pairs of components with the pixels of their contact, which are put into order.
@@ -48,7 +48,7 @@ pub(super) fn goes_on(view: View<'_>, pixel: usize, next: usize) -> bool {
 fn bends_less(phase: &[u16], width: usize, [pixel, next]: [usize; 2], limit: i32) -> bool {
     let (by, column) = (next - pixel, pixel % width);
     let has_sides = if by == 1 { column > 0 && column + 2 < width } else { pixel >= by && next + by < phase.len() };
-    let step = |pixel: usize| i32::from(phase[pixel + by].wrapping_sub(phase[pixel]) as i16);
+    let step = |pixel: usize| phase_step(phase[pixel], phase[pixel + by]);
     has_sides && {
         let [before, own, after] = [pixel - by, pixel, next].map(step);
         own.abs() <= MAX_STEP && (own - before).abs() < limit && (after - own).abs() < limit

@@ -41,8 +41,6 @@ struct Attempt {
     first_cap: f32,
     /// Rounds of learning.
     rounds: usize,
-    /// Whether an order outside the volume has its handicap for a whole surface from the first round on.
-    by_surfaces: bool,
 }
 
 /// Scratch memory for values of nodes.
@@ -71,18 +69,17 @@ impl Scratch {
     pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>, of_phase: Noise) -> Learned {
         let model = view.model;
         // The small error of a calibrated rig, and one of any size.
-        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3, by_surfaces: false };
-        let any =
-            Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6, by_surfaces: false };
+        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3 };
+        let any = Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6 };
         let none = Drift::level(0.0, f64::from(model.first_mean_rad));
         let mut best: Option<Learned> = None;
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
-            let mut learned = self.learn_from(view, attempt, start, of_phase);
+            let mut learned = self.learn_from(view, attempt, start, of_phase, false);
             // Whether the nodes are decided by what counts.
             let mut decides = true;
             if learned.disputed >= MIN_NODES {
-                let other = self.learn_from(view, &Attempt { by_surfaces: true, ..*attempt }, start, of_phase);
+                let other = self.learn_from(view, attempt, start, of_phase, true);
                 decides = other.nats > learned.nats;
                 if decides {
                     learned = other;
@@ -109,19 +106,31 @@ impl Scratch {
         learned
     }
 
-    /// Learns in rounds, starting from a field.
-    fn learn_from(&mut self, view: View<'_>, attempt: &Attempt, start: &Drift, of_phase: Noise) -> Learned {
+    /// Learns in rounds, starting from a field. `by_surfaces` tells whether an order outside the volume has its handicap
+    /// for a whole surface in all rounds, not only in the last.
+    fn learn_from(
+        &mut self,
+        view: View<'_>,
+        attempt: &Attempt,
+        start: &Drift,
+        of_phase: Noise,
+        by_surfaces: bool,
+    ) -> Learned {
         let mut learned = Learned::about(start, attempt, of_phase, view.model);
         self.divide(view, 0, None);
         for round in 0..attempt.rounds {
             learned.is_settled = round + 1 == attempt.rounds;
-            let by_surfaces = attempt.by_surfaces || learned.is_settled;
-            learned.outside_nats = if by_surfaces || round == 0 { view.model.outside_nats } else { f32::INFINITY };
+            let is_of_surface = by_surfaces || learned.is_settled || round == 0;
+            learned.outside_nats = if is_of_surface { view.model.outside_nats } else { f32::INFINITY };
             self.ask(view, 0, &learned, None);
-            if !by_surfaces && round == 0 {
-                learned.disputed = self.raise_handicap(view.model);
+            let is_raised = !by_surfaces && round == 0;
+            if is_raised {
+                self.raise_handicap(view.model);
             }
             self.list_clear(view.model);
+            if is_raised {
+                learned.disputed = self.count_disputed();
+            }
             let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
             let start = (&learned.field, attempt.prior_px);
             if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
@@ -156,15 +165,18 @@ impl Scratch {
     }
 
     /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node, and decides
-    /// the nodes again. Returns from how many of those that come into the volume the field would be learned.
-    fn raise_handicap(&mut self, model: &Model) -> usize {
+    /// the nodes again.
+    fn raise_handicap(&mut self, model: &Model) {
         let Self { nodes, evidence, outside, of_surface, .. } = self;
         let is_outside = |node: &Node| node.sampled > 0 && node.label != NOTHING && !node.has_inside(node.label);
         outside.clear();
         outside.extend(nodes.nodes.iter().map(is_outside));
         evidence.raise_handicap(&nodes.nodes, of_surface, model);
         self.decide(model, 0);
-        self.list_clear(model);
+    }
+
+    /// Counts the clear nodes that came into the volume when the handicap was raised.
+    fn count_disputed(&self) -> usize {
         let Self { nodes, clear, outside, .. } = self;
         let is_inside = |node: &Node| node.has_inside(node.label);
         clear.iter().map(|&i| i as usize).filter(|&i| outside[i] && is_inside(&nodes.nodes[i])).count()

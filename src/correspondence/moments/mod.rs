@@ -63,7 +63,7 @@ use self::verdict::Verdict;
 use super::chosen::ChosenCandidates;
 use super::disjoint_sets::DisjointSets;
 use super::drift::Drift;
-use super::neighbourhood::MAX_STEP;
+use super::neighbourhood::{MAX_STEP, phase_step};
 use super::pool::Pool;
 use super::segment_table::EpipolarAxis;
 use super::view::View;
@@ -137,7 +137,7 @@ impl Pixels<'_> {
     /// The order with which a pixel continues a decided one beside it. `None` if its phase does not continue.
     #[inline]
     fn continued(&self, view: View<'_>, pixel: usize, decided: usize) -> Option<i32> {
-        let step = i32::from(view.cam1.phase[pixel].wrapping_sub(view.cam1.phase[decided]) as i16);
+        let step = phase_step(view.cam1.phase[decided], view.cam1.phase[pixel]);
         (step.abs() <= MAX_STEP).then(|| (self.absolute(view, decided) + step) >> 16)
     }
 
@@ -183,7 +183,7 @@ pub(super) struct Scratch {
     messages: Messages,
     /// Nodes whose order is clear.
     clear: Vec<u32>,
-    /// Whether each node lies outside the volume.
+    /// Whether each node lay outside the volume before the handicap was raised.
     outside: Vec<bool>,
     fitting: Fitting,
     values: Values,

@@ -4,6 +4,7 @@ use super::evidence::Evidence;
 use super::learned::{Values, median};
 use super::likelihood::radians;
 use super::nodes::Nodes;
+use crate::correspondence::neighbourhood::phase_step;
 use crate::correspondence::view::View;
 use crate::phase::{Modulation, PhaseMap};
 
@@ -51,7 +52,7 @@ impl Noise {
         let known = places.filter(|&i| cam1.valid[i - 1] && cam1.valid[i] && cam1.valid[i + 1]);
         seen.clear();
         seen.extend(known.map(|i| {
-            let rise = |i: usize| i32::from(cam1.phase[i + 1].wrapping_sub(cam1.phase[i]) as i16);
+            let rise = |i: usize| phase_step(cam1.phase[i], cam1.phase[i + 1]);
             let bend = radians((rise(i) - rise(i - 1)) as f32 / 65536.0);
             [per_square(cam1.modulation[i]), PER_MEDIAN * PER_BEND * bend * bend, i as f32, 0.0]
         }));

@@ -49,8 +49,6 @@ pub(super) struct Samples {
     half_px: f32,
     /// Samples whose phase has orders; only these stand in the arrays.
     count: usize,
-    /// How many of them are screened.
-    screened: usize,
     /// Place, half tiles from the middle of the tile: along and across the epipolar lines.
     place: [Numbers; 2],
     phase: [u16; MOST],
@@ -98,7 +96,6 @@ impl Default for Samples {
             middle: None,
             half_px: 1.0,
             count: 0,
-            screened: 0,
             place: [[0.0; MOST]; 2],
             phase: [0; MOST],
             zero_turns: [0.0; MOST],
@@ -188,13 +185,13 @@ impl Samples {
     pub(super) fn screen(&mut self, image: &EpipolarImage, cap: f32, model: &Model) -> Outlook {
         self.seen.fill(0);
         self.fitting.fill(0);
-        self.screened = screened(self.count).count();
+        let screened = screened(self.count).count() as f32;
         fringeflow_simd::run(Level::in_use(), Screen { samples: self, image, cap });
         let mut outlook = Outlook { field_turns: self.field_turns(), cap, ..Outlook::default() };
         let [first, last] = self.labels;
         for label in first..=last {
             let [seen, fitting] = [self.seen[label as usize], self.fitting[label as usize]].map(f32::from);
-            if seen < model.min_seen * self.screened as f32 || seen == 0.0 {
+            if seen < model.min_seen * screened || seen == 0.0 {
                 continue;
             } else if fitting == 0.0 || fitting < 0.5 * model.min_share * seen {
                 outlook.unfit |= 1 << label;

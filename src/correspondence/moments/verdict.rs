@@ -171,14 +171,13 @@ impl Verdict {
             let mut last = [NONE; 2];
             let mut pair = |pixel: usize, other: usize| {
                 let pair = [owner[pixel], owner[other]];
-                if pair[0] == pair[1] || pair.contains(&NONE) {
+                // Parts that are united belong to one component, within which no break counts.
+                if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
                     return;
                 }
                 if !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
-                    if pair != last {
-                        pairs.push(pair);
-                        last = pair;
-                    }
+                    pairs.push(pair);
+                    last = pair;
                     return;
                 }
                 let [a, b] = pair.map(|part| parts[part as usize].surface);

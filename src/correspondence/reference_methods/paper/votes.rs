@@ -20,7 +20,7 @@ use crate::phase::PhaseMap;
 
 use super::image::Image;
 use crate::correspondence::candidates::Candidate;
-use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN};
+use crate::correspondence::neighbourhood::{MAX_STEP, MAX_STEP_CHANGE, TURN, phase_step};
 use crate::correspondence::segment_table::EpipolarAxis;
 use crate::correspondence::support::NEAR;
 
@@ -207,7 +207,7 @@ pub(in crate::correspondence) fn walk(
     let (mut here, mut rise, mut last_step) = (from, 0, None);
     for _ in 0..reach.min(available) {
         let next = here.wrapping_add_signed(stride);
-        let step = i32::from(cam1.phase[next].wrapping_sub(cam1.phase[here]) as i16);
+        let step = phase_step(cam1.phase[here], cam1.phase[next]);
         rise += step;
         let bends = last_step.is_some_and(|last: i32| (step - last).abs() > MAX_STEP_CHANGE);
         if !cam1.valid[next] || step.abs() > MAX_STEP || bends || rise.abs() >= TURN {
