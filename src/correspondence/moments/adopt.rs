@@ -1,7 +1,7 @@
 //! Open pixels that continue a decided neighbour.
 //!
 //! ```text
-//! while there are new ones, rows in parallel, from the decisions of the time before:
+//! while there are new ones, bands of rows in parallel, from the decisions of the time before:
 //!     for each open pixel beside a new one, for each of its eight neighbours that is decided and whose phase may continue:
 //!         look for the neighbour's absolute phase at the pixel, rims included; a few pixels deep, δ may be off as rims are
 //!     the order whose δ fits best is adopted, with the part of its neighbour
@@ -14,6 +14,7 @@ use super::likelihood::radians;
 use super::look::{self, Looks, NO_ORDER, Seen};
 use super::noise::Noise;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
+use crate::correspondence::bands::{self, BAND_ROWS};
 use crate::correspondence::drift::{DepthRow, Drift};
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
@@ -36,9 +37,9 @@ struct Adopted {
 /// Scratch memory of the adoption.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Adoption {
-    /// What each row adopted.
-    rows: Vec<Vec<Adopted>>,
-    /// Columns of the open pixels of each row that are asked.
+    /// What each band adopted.
+    bands: Vec<Vec<Adopted>>,
+    /// The open pixels of each band that are asked.
     asked: Vec<Vec<u32>>,
     /// The last order at which each pixel was asked in vain, [`NO_ORDER`] if there is none.
     refused: Vec<i16>,
@@ -63,33 +64,35 @@ impl Adoption {
         noise: Noise,
         pixels: &mut Pixels<'_>,
     ) {
-        let Self { rows, asked, refused, depths, pool } = self;
+        let Self { bands, asked, refused, depths, pool } = self;
         let (width, height) = (view.cam1.width, view.cam1.height);
-        rows.resize_with(height, Vec::new);
-        asked.resize_with(height, Vec::new);
+        let band_px = BAND_ROWS * width;
+        bands::resize(bands, height);
+        bands::resize(asked, height);
         let is_open = |pixels: &Pixels<'_>, pixel: usize| pixels.state[pixel] == OPEN && view.cam1.valid[pixel];
         let before = &*pixels;
-        asked.par_iter_mut().enumerate().for_each(|(v, asked)| {
+        asked.par_iter_mut().enumerate().for_each(|(i, asked)| {
+            let own = i * band_px..((i + 1) * band_px).min(width * height);
             asked.clear();
-            asked.extend((0..width as u32).filter(|&u| is_open(before, v * width + u as usize)));
+            asked.extend(own.filter(|&pixel| is_open(before, pixel)).map(|pixel| pixel as u32));
         });
         refused.clear();
         refused.resize(width * height, NO_ORDER);
         for round in 0.. {
             let before = &*pixels;
             let least_reach = if round < RIM_ROUNDS { view.model.rim_rad / radians(1.0) } else { 0.0 };
-            let of_rows = rows.par_iter_mut().zip(&mut *asked).zip(refused.par_chunks_mut(width));
-            of_rows.enumerate().for_each(|(v, ((adopted, asked), refused))| {
+            let of_bands = bands.par_iter_mut().zip(&mut *asked).zip(refused.par_chunks_mut(band_px));
+            of_bands.enumerate().for_each(|(i, ((adopted, asked), refused))| {
                 adopted.clear();
                 asked.sort_unstable();
                 asked.dedup();
                 if !asked.is_empty() {
                     let of_fit = (field, parts, noise, least_reach);
-                    adopt_row(view, of_fit, before, (v, asked), &mut pool.take(), (adopted, refused));
+                    adopt_band(view, of_fit, before, (i * band_px, asked), &mut pool.take(), (adopted, refused));
                 }
                 asked.clear();
             });
-            for Adopted { pixel, order, part, seen, .. } in rows.iter().flatten() {
+            for Adopted { pixel, order, part, seen, .. } in bands.iter().flatten() {
                 let pixel = *pixel;
                 pixels.chosen.column_px[pixel] = seen.column_px;
                 pixels.chosen.order[pixel] = *order;
@@ -100,10 +103,10 @@ impl Adoption {
                 pixels.owner[pixel] = *part;
                 depths[pixel] = (round + 1).min(usize::from(u8::MAX)) as u8;
             }
-            for Adopted { pixel, .. } in rows.iter().flatten() {
+            for Adopted { pixel, .. } in bands.iter().flatten() {
                 for (u, v) in around([*pixel % width, *pixel / width], width, height) {
                     if is_open(pixels, v * width + u) {
-                        asked[v].push(u as u32);
+                        asked[v / BAND_ROWS].push((v * width + u) as u32);
                     }
                 }
             }
@@ -114,7 +117,7 @@ impl Adoption {
     }
 }
 
-/// Pixels of a row that are asked, each at an order, one array per number.
+/// Pixels of a band that are asked, each at an order, one array per number.
 #[derive(Clone, Debug, Default)]
 struct Asked {
     segments: SegmentRow,
@@ -123,7 +126,7 @@ struct Asked {
     orders: Vec<i16>,
     offsets: Vec<f32>,
     reach: Vec<f32>,
-    /// Column, and part of the neighbour.
+    /// Pixel, and part of the neighbour.
     of: Vec<(usize, u32)>,
 }
 
@@ -139,20 +142,24 @@ impl Asked {
     }
 }
 
-/// Asks pixels of a row, at the orders with which they continue their neighbours.
-fn adopt_row(
+/// Asks pixels of a band, at the orders with which they continue their neighbours. `first` is the first pixel of the band.
+fn adopt_band(
     view: View<'_>,
     (field, parts, noise, least_reach): (&Drift, &[Part], Noise, f32),
     pixels: &Pixels<'_>,
-    (v, columns): (usize, &[u32]),
+    (first, open): (usize, &[u32]),
     asked: &mut Asked,
     (adopted, refused): (&mut Vec<Adopted>, &mut [i16]),
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
-    let along = field.in_row(v);
-    asked.clear(usize::from(NEIGHBOURS) * columns.len());
-    for u in columns.iter().map(|&u| u as usize) {
-        let pixel = v * width + u;
+    asked.clear(usize::from(NEIGHBOURS) * open.len());
+    let mut row = (open[0] as usize / width, field.in_row(open[0] as usize / width));
+    for pixel in open.iter().map(|&pixel| pixel as usize) {
+        let (u, v) = (pixel % width, pixel / width);
+        if row.0 != v {
+            row = (v, field.in_row(v));
+        }
+        let refused = &mut refused[pixel - first];
         let before = asked.orders.len();
         for (nu, nv) in around([u, v], width, height) {
             let other = nv * width + nu;
@@ -160,10 +167,10 @@ fn adopt_row(
                 continue;
             }
             let Some(order) = pixels.continued(view, pixel, other).map(|order| order as i16) else { continue };
-            if order != refused[u] && !asked.orders[before..].contains(&order) {
+            if order != *refused && !asked.orders[before..].contains(&order) {
                 let part = pixels.owner[other];
                 asked.orders.push(order);
-                asked.of.push((u, part));
+                asked.of.push((pixel, part));
                 asked.offsets.push(parts[part as usize].offset);
             }
         }
@@ -171,8 +178,8 @@ fn adopt_row(
             continue;
         }
         // A larger reach did not help, so a smaller one will not.
-        refused[u] = asked.orders[before];
-        let (segment, field) = (view.table.segment(pixel), along.segment(u));
+        *refused = asked.orders[before];
+        let (segment, field) = (view.table.segment(pixel), row.1.segment(u));
         let reach = look::reach_turns(view.model, noise, view.cam1.modulation[pixel]).max(least_reach);
         for i in before..asked.orders.len() {
             asked.segments.set(i, &segment);
@@ -185,9 +192,9 @@ fn adopt_row(
     let looks =
         Looks { model: view.model, image: view.cam2, segments, field, phase, orders, offsets, reach, at_rims: true };
     looks.for_each(|i, seen| {
-        let (u, part) = of[i];
+        let (pixel, part) = of[i];
         let off = (f32::from(seen.rest) / 65536.0 - offsets[i] / radians(1.0)).abs();
-        let own = Adopted { pixel: v * width + u, order: orders[i], part, off, seen: *seen };
+        let own = Adopted { pixel, order: orders[i], part, off, seen: *seen };
         match adopted.last_mut().filter(|last| last.pixel == own.pixel) {
             Some(last) if last.off <= off => {}
             Some(last) => *last = own,
