@@ -18,11 +18,11 @@ mod modes;
 
 use std::f64::consts::TAU;
 
-use self::coordinates::{DriftCoordinates, Polynomial, RowPolynomial, TERMS};
+use self::coordinates::{DriftCoordinates, Polynomial, TERMS};
 use super::delta_statistics::DeltaStatistics;
 use super::segment_table::SegmentTable;
 
-pub(super) use coordinates::{DepthBlock, DepthPolynomial, DepthRow};
+pub(super) use coordinates::{DepthBlock, DepthPolynomial, DepthRow, RowPolynomial};
 pub use known::KnownDrift;
 pub use map::DriftMap;
 pub use modes::DriftModes;

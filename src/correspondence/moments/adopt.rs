@@ -15,7 +15,7 @@ use super::look::{self, Looks, NO_ORDER, Seen};
 use super::noise::Noise;
 use super::{BEYOND, INSIDE, OPEN, Part, Pixels};
 use crate::correspondence::bands::{self, BAND_ROWS};
-use crate::correspondence::drift::{DepthRow, Drift};
+use crate::correspondence::drift::{DepthRow, Drift, RowPolynomial};
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
@@ -41,6 +41,8 @@ pub(super) struct Adoption {
     bands: Vec<Vec<Adopted>>,
     /// The open pixels of each band that are asked.
     asked: Vec<Vec<u32>>,
+    /// The field in each row.
+    fields: Vec<RowPolynomial>,
     /// The last order at which each pixel was asked in vain, [`NO_ORDER`] if there is none.
     refused: Vec<i16>,
     /// In which round each pixel was adopted, from 1 on; 0 if it was not.
@@ -64,7 +66,7 @@ impl Adoption {
         noise: Noise,
         pixels: &mut Pixels<'_>,
     ) {
-        let Self { bands, asked, refused, depths, pool } = self;
+        let Self { bands, asked, fields, refused, depths, pool } = self;
         let (width, height) = (view.cam1.width, view.cam1.height);
         let band_px = BAND_ROWS * width;
         bands::resize(bands, height);
@@ -76,6 +78,8 @@ impl Adoption {
             asked.clear();
             asked.extend(own.filter(|&pixel| is_open(before, pixel)).map(|pixel| pixel as u32));
         });
+        fields.clear();
+        fields.extend((0..height).map(|v| field.in_row(v)));
         refused.clear();
         refused.resize(width * height, NO_ORDER);
         for round in 0.. {
@@ -87,7 +91,7 @@ impl Adoption {
                 asked.sort_unstable();
                 asked.dedup();
                 if !asked.is_empty() {
-                    let of_fit = (field, parts, noise, least_reach);
+                    let of_fit = (&fields[..], parts, noise, least_reach);
                     adopt_band(view, of_fit, before, (i * band_px, asked), &mut pool.take(), (adopted, refused));
                 }
                 asked.clear();
@@ -145,7 +149,7 @@ impl Asked {
 /// Asks pixels of a band, at the orders with which they continue their neighbours. `first` is the first pixel of the band.
 fn adopt_band(
     view: View<'_>,
-    (field, parts, noise, least_reach): (&Drift, &[Part], Noise, f32),
+    (fields, parts, noise, least_reach): (&[RowPolynomial], &[Part], Noise, f32),
     pixels: &Pixels<'_>,
     (first, open): (usize, &[u32]),
     asked: &mut Asked,
@@ -153,12 +157,8 @@ fn adopt_band(
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
     asked.clear(usize::from(NEIGHBOURS) * open.len());
-    let mut row = (open[0] as usize / width, field.in_row(open[0] as usize / width));
     for pixel in open.iter().map(|&pixel| pixel as usize) {
         let (u, v) = (pixel % width, pixel / width);
-        if row.0 != v {
-            row = (v, field.in_row(v));
-        }
         let refused = &mut refused[pixel - first];
         let before = asked.orders.len();
         for (nu, nv) in around([u, v], width, height) {
@@ -179,7 +179,7 @@ fn adopt_band(
         }
         // A larger reach did not help, so a smaller one will not.
         *refused = asked.orders[before];
-        let (segment, field) = (view.table.segment(pixel), row.1.segment(u));
+        let (segment, field) = (view.table.segment(pixel), fields[v].segment(u));
         let reach = look::reach_turns(view.model, noise, view.cam1.modulation[pixel]).max(least_reach);
         for i in before..asked.orders.len() {
             asked.segments.set(i, &segment);
