@@ -9,7 +9,6 @@
 
 use rayon::prelude::*;
 
-use super::continuity::NEIGHBOURS;
 use super::likelihood::radians;
 use super::look::{self, Looks, NO_ORDER, Seen};
 use super::noise::Noise;
@@ -135,10 +134,8 @@ struct Asked {
 }
 
 impl Asked {
-    fn clear(&mut self, room: usize) {
-        let Self { segments, field, phase, orders, offsets, reach, of } = self;
-        segments.make_room(room);
-        field.make_room(room);
+    fn clear(&mut self) {
+        let Self { phase, orders, offsets, reach, of, .. } = self;
         phase.clear();
         [offsets, reach].into_iter().for_each(Vec::clear);
         orders.clear();
@@ -156,13 +153,12 @@ fn adopt_band(
     (adopted, refused): (&mut Vec<Adopted>, &mut [i16]),
 ) {
     let (width, height) = (view.cam1.width, view.cam1.height);
-    asked.clear(usize::from(NEIGHBOURS) * open.len());
+    asked.clear();
     for pixel in open.iter().map(|&pixel| pixel as usize) {
-        let (u, v) = (pixel % width, pixel / width);
         let refused = &mut refused[pixel - first];
         let before = asked.orders.len();
-        for (nu, nv) in around([u, v], width, height) {
-            let other = nv * width + nu;
+        for (u, v) in around([pixel % width, pixel / width], width, height) {
+            let other = v * width + u;
             if pixels.state[other] == OPEN {
                 continue;
             }
@@ -174,21 +170,23 @@ fn adopt_band(
                 asked.offsets.push(parts[part as usize].offset);
             }
         }
-        if asked.orders.len() == before {
-            continue;
-        }
         // A larger reach did not help, so a smaller one will not.
-        *refused = asked.orders[before];
-        let (segment, field) = (view.table.segment(pixel), fields[v].segment(u));
-        let reach = look::reach_turns(view.model, noise, view.cam1.modulation[pixel]).max(least_reach);
-        for i in before..asked.orders.len() {
-            asked.segments.set(i, &segment);
-            asked.field.set(i, &field);
-            asked.phase.push(view.cam1.phase[pixel]);
-            asked.reach.push(reach);
-        }
+        *refused = asked.orders.get(before).copied().unwrap_or(*refused);
     }
     let Asked { segments, field, phase, orders, offsets, reach, of } = asked;
+    segments.make_room(of.len());
+    field.make_room(of.len());
+    for same in of.chunk_by(|a, b| a.0 == b.0) {
+        let pixel = same[0].0;
+        let (segment, along) = (view.table.segment(pixel), fields[pixel / width].segment(pixel % width));
+        let own_reach = look::reach_turns(view.model, noise, view.cam1.modulation[pixel]).max(least_reach);
+        for _ in same {
+            segments.set(phase.len(), &segment);
+            field.set(phase.len(), &along);
+            phase.push(view.cam1.phase[pixel]);
+            reach.push(own_reach);
+        }
+    }
     let looks =
         Looks { model: view.model, image: view.cam2, segments, field, phase, orders, offsets, reach, at_rims: true };
     looks.for_each(|i, seen| {
