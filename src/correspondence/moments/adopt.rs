@@ -171,7 +171,9 @@ fn adopt_band(
             }
         }
         // A larger reach did not help, so a smaller one will not.
-        *refused = asked.orders.get(before).copied().unwrap_or(*refused);
+        if let Some(&order) = asked.orders.get(before) {
+            *refused = order;
+        }
     }
     let Asked { segments, field, phase, orders, offsets, reach, of } = asked;
     segments.make_room(of.len());
