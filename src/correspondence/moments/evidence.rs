@@ -130,14 +130,6 @@ impl Evidence {
         }
     }
 
-    /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node.
-    pub(super) fn raise_handicap(&mut self, nodes: &[Node], of_surface: &[u32], model: &Model) {
-        for (node, scores) in nodes.iter().zip(&mut self.scores).filter(|(node, _)| node.sampled > 0) {
-            let more = model.outside_node_nats - handicap(model, model.outside_nats, of_surface, node);
-            lower_outside(scores, node, more, model);
-        }
-    }
-
     /// The moments of a node at a label, if its samples fit there.
     pub(super) fn fit(&self, node: usize, label: u8) -> Option<&Fit> {
         let [begin, end] = self.ranges[node].map(|place| place as usize);

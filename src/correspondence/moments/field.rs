@@ -13,6 +13,7 @@ use std::f64::consts::TAU;
 use nalgebra::{SMatrix, SVector};
 
 use super::evidence::Evidence;
+use super::learned::Clear;
 use super::nodes::{Node, Nodes};
 use super::phase_runs::PhaseRuns;
 use crate::correspondence::drift::{Drift, FieldTerms};
@@ -20,7 +21,7 @@ use crate::correspondence::segment_table::SegmentTable;
 use crate::correspondence::view::View;
 
 /// Fewest nodes of a fit, and most used.
-pub(super) const MIN_NODES: usize = 6;
+const MIN_NODES: usize = 6;
 const MAX_NODES: usize = 400;
 /// Pixels along each axis, and step of depth in half segments, by which the uncertainty beyond is measured.
 const PLACES: usize = 3;
@@ -131,7 +132,7 @@ impl Fitting {
         runs: &PhaseRuns,
         nodes: &Nodes,
         evidence: &Evidence,
-        clear: &[u32],
+        clear: &[Clear],
     ) -> Option<(Drift, Uncertainty)> {
         let mut solution = Coefficients::from(*present.coefficients());
         self.observe(view, &solution, runs, nodes, evidence, clear);
@@ -179,7 +180,7 @@ impl Fitting {
         runs: &PhaseRuns,
         nodes: &Nodes,
         evidence: &Evidence,
-        clear: &[u32],
+        clear: &[Clear],
     ) {
         let seen = &mut self.seen;
         seen.clear();
@@ -187,10 +188,9 @@ impl Fitting {
         // Each stands for others.
         let share = clear.len() as f64 / count.max(1) as f64;
         for i in 0..count {
-            let number = clear[i * clear.len() / count] as usize;
-            let node = &nodes.nodes[number];
-            let Some(fit) = evidence.fit(number, node.label) else { continue };
-            let (pixel, column_px) = place_of(view, runs, nodes, node);
+            let (number, label) = clear[i * clear.len() / count];
+            let Some(fit) = evidence.fit(number as usize, label) else { continue };
+            let (pixel, column_px) = place_of(view, runs, nodes, &Node { label, ..nodes.nodes[number as usize] });
             if column_px.is_finite() {
                 let terms = terms_at(view.table, pixel, column_px);
                 let delta_turns = f64::from(fit.moments.mean) / TAU + terms.dot(present);

@@ -1,24 +1,21 @@
 //! What is learned of the images: the error field of the rig, the noise of δ, and the widths of true and wrong orders.
 //!
 //! ```text
-//! some times: evidence and belief of the largest nodes; then field, noise and widths from those that lead clearly
-//! if it is disputed which nodes lie in the volume: again, the other way; the field about which nodes are likelier stays
-//! if the means of nodes scatter about that field as wrong orders do: again, with a wide prior of the field
+//! evidence of the largest nodes about no field: the orders that the largest surface could have, each an explanation
+//! for each of them: field, noise and widths from its nodes at that order; then, twice, evidence and belief of all nodes,
+//!                   and field, noise and widths from those that lead clearly
+//! the explanation stays that is likeliest, by the likelihood of the nodes and the prior of the field
+//! if the means of nodes scatter about its field as wrong orders do: again, with a wide prior of the field
 //! ```
-//!
-//! While a field is learned, an order outside the volume has its handicap in each node: so a large calibration error does
-//! not pass for surfaces outside. But to a board close behind the volume that error is there, at wrong orders inside. So
-//! where the first round decides otherwise if an order has its handicap once for a whole surface, the field is learned both
-//! ways.
 
 use super::Scratch;
 use super::decay::decay;
 use super::evidence::Evidence;
-use super::field::{MIN_NODES, Uncertainty};
+use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths, ln};
 use super::model::{Model, Step};
-use super::nodes::{NOTHING, Node, Nodes};
 use super::noise::Noise;
+use super::rivals::is_clear;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
 
@@ -41,12 +38,18 @@ struct Attempt {
     first_cap: f32,
     /// Rounds of learning.
     rounds: usize,
+    /// Whether the orders of the largest surface are compared. About a field of any size nearly all would fit.
+    has_rivals: bool,
 }
+
+/// A node, and its label there, that is clear.
+pub(super) type Clear = (u32, u8);
 
 /// Scratch memory for values of nodes.
 pub(super) type Values = Vec<[f32; 4]>;
 
 /// What is learned of the images.
+#[derive(Clone, Debug)]
 pub(in crate::correspondence) struct Learned {
     pub(in crate::correspondence) field: Drift,
     pub(super) noise: Noise,
@@ -58,9 +61,7 @@ pub(in crate::correspondence) struct Learned {
     pub(super) is_settled: bool,
     /// Handicap of an order outside the volume for a whole surface, nats; infinite: each node has the whole of its own.
     pub(super) outside_nats: f32,
-    /// Nodes that the first round put outside the volume until each had the whole handicap of an order there.
-    disputed: usize,
-    /// Mean log likelihood ratio of a pixel by its node, nats.
+    /// How likely it is, by the nodes and by the prior of its field, nats.
     pub(in crate::correspondence) nats: f64,
 }
 
@@ -69,24 +70,17 @@ impl Scratch {
     pub(super) fn learn(&mut self, view: View<'_>, known: Option<&Drift>, of_phase: Noise) -> Learned {
         let model = view.model;
         // The small error of a calibrated rig, and one of any size.
-        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3 };
-        let any = Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6 };
+        let usual = Attempt { prior_px: model.prior_px, first_cap: model.first_cap_rad, rounds: 3, has_rivals: true };
+        let any =
+            Attempt { prior_px: model.wide_prior_px, first_cap: model.wide_cap_rad, rounds: 6, has_rivals: false };
         let none = Drift::level(0.0, f64::from(model.first_mean_rad));
         let mut best: Option<Learned> = None;
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
-            let mut learned = self.learn_from(view, attempt, start, of_phase, false);
-            // Whether the nodes are decided by what counts.
-            let mut decides = true;
-            if learned.disputed >= MIN_NODES {
-                let other = self.learn_from(view, attempt, start, of_phase, true);
-                decides = other.nats > learned.nats;
-                if decides {
-                    learned = other;
-                }
-            }
+            let start = Learned::about(start, attempt, of_phase, model);
+            let (learned, has_decided) = self.explain_best(view, attempt, start);
             if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
-                return if decides { learned } else { self.decide_again(view, learned) };
+                return if has_decided { learned } else { self.decide_again(view, learned) };
             }
             best = Some(match best {
                 Some(before) if before.nats >= learned.nats => before,
@@ -99,97 +93,113 @@ impl Scratch {
     }
 
     /// Decides the nodes from what was learned before another attempt.
-    fn decide_again(&mut self, view: View<'_>, mut learned: Learned) -> Learned {
+    fn decide_again(&mut self, view: View<'_>, learned: Learned) -> Learned {
         self.divide(view, 0, None);
         self.ask(view, 0, &learned, None);
-        learned.nats = self.nats();
         learned
     }
 
-    /// Learns in rounds, starting from a field. `by_surfaces` tells whether an order outside the volume has its handicap
-    /// for a whole surface in all rounds, not only in the last.
-    fn learn_from(
+    /// Finds the likeliest explanation, and tells whether it was the last to decide the nodes.
+    fn explain_best(&mut self, view: View<'_>, attempt: &Attempt, start: Learned) -> (Learned, bool) {
+        self.divide(view, 0, None);
+        self.explanations.clear();
+        if attempt.has_rivals {
+            self.start_from_rivals(view, attempt, &start);
+        }
+        // Without a large surface, from what is clear about the start.
+        let Some(first) = self.explanations.first().cloned() else {
+            return (self.learn_in_rounds(view, attempt, start, attempt.rounds, false), true);
+        };
+        let mut best = self.learn_in_rounds(view, attempt, first, attempt.rounds - 1, true);
+        let mut has_decided = true;
+        for rival in 1..self.explanations.len() {
+            let rival = self.explanations[rival].clone();
+            let rival = self.learn_in_rounds(view, attempt, rival, attempt.rounds - 1, true);
+            has_decided = rival.nats > best.nats;
+            if has_decided {
+                best = rival;
+            }
+        }
+        (best, has_decided)
+    }
+
+    /// Lists what the largest surface teaches at each order that it could have.
+    fn start_from_rivals(&mut self, view: View<'_>, attempt: &Attempt, start: &Learned) {
+        self.ask(view, 0, start, None);
+        let Self { runs, nodes, evidence, rivals, .. } = self;
+        rivals.find(runs.surfaces, nodes, evidence, view.model);
+        for rival in 0..self.rivals.labels.len() {
+            let Self { nodes, evidence, clear, rivals, .. } = self;
+            clear.clear();
+            clear.extend(rivals.nodes_of(rivals.labels[rival], nodes, evidence, view.model));
+            let mut learned = start.clone();
+            self.teach(view, attempt, &mut learned);
+            self.explanations.push(learned);
+        }
+    }
+
+    /// Learns in rounds. `by_surfaces` tells whether an order outside the volume has its handicap for a whole surface in all
+    /// rounds, not only in the last. Otherwise a large calibration error would pass for surfaces outside.
+    fn learn_in_rounds(
         &mut self,
         view: View<'_>,
         attempt: &Attempt,
-        start: &Drift,
-        of_phase: Noise,
+        start: Learned,
+        rounds: usize,
         by_surfaces: bool,
     ) -> Learned {
-        let mut learned = Learned::about(start, attempt, of_phase, view.model);
-        self.divide(view, 0, None);
-        for round in 0..attempt.rounds {
-            learned.is_settled = round + 1 == attempt.rounds;
-            let is_of_surface = by_surfaces || learned.is_settled || round == 0;
+        let mut learned = start;
+        for round in 0..rounds {
+            learned.is_settled = round + 1 == rounds;
+            let is_of_surface = by_surfaces || learned.is_settled;
             learned.outside_nats = if is_of_surface { view.model.outside_nats } else { f32::INFINITY };
             self.ask(view, 0, &learned, None);
-            let is_raised = !by_surfaces && round == 0;
-            if is_raised {
-                self.raise_handicap(view.model);
-            }
             self.list_clear(view.model);
-            if is_raised {
-                learned.disputed = self.count_disputed();
-            }
-            let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
-            let start = (&learned.field, attempt.prior_px);
-            if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
-                (learned.field, learned.uncertainty) = found;
-            }
-            if let Some(noise) = Noise::of_nodes(view, nodes, evidence, clear, values) {
-                learned.noise = noise;
-            }
-            let widths = &mut learned.widths;
-            if let Some([_, along, across, excess]) = wrong_widths(nodes, evidence, clear, values) {
-                (widths.wrong_slopes, widths.wrong_excess) = ([along, across], excess);
-            }
-            let [mean, along, across, excess] =
-                true_widths(view.model, nodes, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
-            (widths.mean, widths.slopes, widths.excess) = (mean, [along, across], excess);
-            learned.cap = view.model.cap_rad;
+            self.teach(view, attempt, &mut learned);
         }
-        learned.nats = self.nats();
+        let nats = f64::from(view.model.independent_nodes) * self.nats_a_pixel(&learned.widths_at(0), view.model);
+        learned.nats = nats - prior_cost(&learned.field, attempt, view.model);
         learned
+    }
+
+    /// Learns field, noise and widths from the nodes that are clear.
+    fn teach(&mut self, view: View<'_>, attempt: &Attempt, learned: &mut Learned) {
+        let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
+        let start = (&learned.field, attempt.prior_px);
+        if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
+            (learned.field, learned.uncertainty) = found;
+        }
+        if let Some(noise) = Noise::of_nodes(view, nodes, evidence, clear, values) {
+            learned.noise = noise;
+        }
+        let widths = &mut learned.widths;
+        if let Some([_, along, across, excess]) = wrong_widths(evidence, clear, values) {
+            (widths.wrong_slopes, widths.wrong_excess) = ([along, across], excess);
+        }
+        let [mean, along, across, excess] = true_widths(view.model, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
+        (widths.mean, widths.slopes, widths.excess) = (mean, [along, across], excess);
+        learned.cap = view.model.cap_rad;
     }
 
     /// Lists the nodes from which field, noise and widths are learned.
     fn list_clear(&mut self, model: &Model) {
         let Self { nodes, evidence, clear, .. } = self;
-        let is_clear = |i: usize, node: &Node| {
-            let fit = evidence.fit(i, node.label);
-            node.lead >= model.clear_nats
-                && fit.is_some_and(|f| f.ratio >= model.clear_nats && f.moments.share >= model.clear_share)
-        };
+        let leads = nodes.sampled().filter(|(_, node)| node.lead >= model.clear_nats);
+        let fits = |i: usize, label: u8| evidence.fit(i, label).is_some_and(|fit| is_clear(fit, model));
         clear.clear();
-        clear.extend((0_u32..).zip(&nodes.nodes).filter(|(i, node)| is_clear(*i as usize, node)).map(|(i, _)| i));
+        clear.extend(leads.map(|(i, node)| (i as u32, node.label)).filter(|&(i, label)| fits(i as usize, label)));
     }
 
-    /// Raises the handicap of orders outside the volume from that for whole surfaces to that of each node, and decides
-    /// the nodes again.
-    fn raise_handicap(&mut self, model: &Model) {
-        let Self { nodes, evidence, outside, of_surface, .. } = self;
-        let is_outside = |node: &Node| node.sampled > 0 && node.label != NOTHING && !node.has_inside(node.label);
-        outside.clear();
-        outside.extend(nodes.nodes.iter().map(is_outside));
-        evidence.raise_handicap(&nodes.nodes, of_surface, model);
-        self.decide(model, 0);
-    }
-
-    /// Counts the clear nodes that came into the volume when the handicap was raised.
-    fn count_disputed(&self) -> usize {
-        let Self { nodes, clear, outside, .. } = self;
-        let is_inside = |node: &Node| node.has_inside(node.label);
-        clear.iter().map(|&i| i as usize).filter(|&i| outside[i] && is_inside(&nodes.nodes[i])).count()
-    }
-
-    /// Mean log likelihood ratio of a pixel by its node at its order, nats.
-    fn nats(&self) -> f64 {
+    /// Mean log likelihood ratio of a pixel by its node at its order, nats: beyond the volume too as if the field were
+    /// certain, since what is uncertain there is the same for all nodes.
+    fn nats_a_pixel(&self, widths: &Widths, model: &Model) -> f64 {
         let Self { nodes, evidence, .. } = self;
         let (mut pixels, mut nats) = (0.0, 0.0);
-        for (i, node) in nodes.nodes.iter().enumerate().filter(|(_, node)| node.sampled > 0) {
+        for (i, node) in nodes.sampled() {
             let size_px = f64::from(node.size_px);
             pixels += size_px;
-            nats += evidence.fit(i, node.label).map_or(0.0, |fit| size_px * f64::from(fit.ratio.max(0.0)));
+            let ratio = evidence.fit(i, node.label).map_or(0.0, |fit| fit.moments.ratio(0.0, widths, model));
+            nats += size_px * f64::from(ratio.max(0.0));
         }
         nats / f64::max(pixels, 1.0)
     }
@@ -214,7 +224,6 @@ impl Learned {
             cap: attempt.first_cap,
             is_settled: false,
             outside_nats: f32::INFINITY,
-            disputed: 0,
             nats: 0.0,
         }
     }
@@ -242,6 +251,14 @@ impl Learned {
     }
 }
 
+/// What the coefficients of a field have against them by the prior of an attempt, nats.
+fn prior_cost(field: &Drift, attempt: &Attempt, model: &Model) -> f64 {
+    let mean_rad = f64::from(model.first_mean_rad * attempt.prior_px / model.prior_px);
+    let mean = field.mean_rad / mean_rad;
+    let modes = field.error_px / f64::from(attempt.prior_px);
+    0.5 * (mean * mean + modes * modes)
+}
+
 /// The excess in a tile whose side is this share of another's. Its variance in units of noise grows with the fourth power.
 fn excess_in(excess: f32, share: f32) -> f32 {
     let ratio = 1.0 / (decay(f64::from(2.0 * excess)) as f32);
@@ -249,25 +266,19 @@ fn excess_in(excess: f32, share: f32) -> f32 {
 }
 
 /// The widths of wrong orders: of the labels of clear nodes other than the decided one.
-fn wrong_widths(nodes: &Nodes, evidence: &Evidence, clear: &[u32], values: &mut Values) -> Option<[f32; 4]> {
+fn wrong_widths(evidence: &Evidence, clear: &[Clear], values: &mut Values) -> Option<[f32; 4]> {
     values.clear();
-    for i in clear.iter().map(|&i| i as usize) {
-        let wrong = evidence.fits_of(i).iter().filter(|fit| fit.label != nodes.nodes[i].label);
+    for &(i, label) in clear {
+        let wrong = evidence.fits_of(i as usize).iter().filter(|fit| fit.label != label);
         values.extend(wrong.map(|fit| amounts(&fit.moments)));
     }
     widths(values)
 }
 
 /// The widths of true orders: of the decided labels of clear nodes.
-fn true_widths(
-    model: &Model,
-    nodes: &Nodes,
-    evidence: &Evidence,
-    clear: &[u32],
-    values: &mut Values,
-) -> Option<[f32; 4]> {
+fn true_widths(model: &Model, evidence: &Evidence, clear: &[Clear], values: &mut Values) -> Option<[f32; 4]> {
     values.clear();
-    let decided = clear.iter().map(|&i| i as usize).filter_map(|i| evidence.fit(i, nodes.nodes[i].label));
+    let decided = clear.iter().filter_map(|&(i, label)| evidence.fit(i as usize, label));
     values.extend(decided.map(|fit| amounts(&fit.moments)));
     let [mean, along, across, excess] = widths(values)?;
     let [mean, along, across] =

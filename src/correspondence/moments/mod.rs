@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! runs, surfaces:   rows of C1 cut where the wrapped phase does not continue; surfaces of runs that continue each other
-//! repeat thrice, the last time about the final error field:
+//! for each order that the largest surface could have, twice; the likeliest of these explanations stays:
 //!     evidence:     likelihood ratio of each order of each node
 //!     belief:       the orders of all nodes together, along surfaces
 //!     field, noise: fitted to the nodes that lead
@@ -37,6 +37,7 @@ mod orders;
 mod parts;
 mod phase_runs;
 mod points;
+mod rivals;
 mod samples;
 mod verdict;
 
@@ -50,7 +51,7 @@ use self::continuity::Continuity;
 use self::evidence::{Evidence, Question};
 use self::field::Fitting;
 pub(super) use self::learned::Learned;
-use self::learned::Values;
+use self::learned::{Clear, Values};
 use self::likelihood::Moments;
 use self::look::TileRow;
 pub use self::model::{Constant, Model, Step};
@@ -59,6 +60,7 @@ use self::noise::Noise;
 use self::orders::SearchSpace;
 use self::phase_runs::PhaseRuns;
 use self::points::{Foundation, Written};
+use self::rivals::Rivals;
 use self::verdict::Verdict;
 use super::chosen::ChosenCandidates;
 use super::disjoint_sets::DisjointSets;
@@ -182,9 +184,10 @@ pub(super) struct Scratch {
     evidence: Evidence,
     messages: Messages,
     /// Nodes whose order is clear.
-    clear: Vec<u32>,
-    /// Whether each node lay outside the volume before the handicap was raised.
-    outside: Vec<bool>,
+    clear: Vec<Clear>,
+    rivals: Rivals,
+    /// What each rival starts with.
+    explanations: Vec<Learned>,
     fitting: Fitting,
     values: Values,
     sets: DisjointSets,

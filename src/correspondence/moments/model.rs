@@ -115,6 +115,8 @@ model! {
     scattered_rad: 0.02 "rad",
     /// sd of the mean of a node about the field in its fit
     node_mean_rad: 0.04 "rad",
+    /// Nodes of a scene count as so many independent ones where explanations are compared
+    independent_nodes: 16.0 "",
     /// Distance at which a node no longer counts in the fit
     tukey_sd: 4.7 "sd",
     /// Ratio and lead of nodes from which field, noise and widths are learned

@@ -151,6 +151,11 @@ struct Band {
 }
 
 impl Nodes {
+    /// The nodes of which samples were taken, with their numbers.
+    pub(super) fn sampled(&self) -> impl Iterator<Item = (usize, &Node)> {
+        self.nodes.iter().enumerate().filter(|(_, node)| node.sampled > 0)
+    }
+
     /// Divides the open pixels of all surfaces into nodes. `states` are those of all pixels, if any is decided, and `bases`
     /// the order of label 0 of each surface.
     pub(super) fn divide(

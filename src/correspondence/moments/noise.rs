@@ -1,7 +1,7 @@
 //! Noise of δ of a pixel: variance a + b/B², B the modulation. Part of it is what the field cannot follow.
 
 use super::evidence::Evidence;
-use super::learned::{Values, median};
+use super::learned::{Clear, Values, median};
 use super::likelihood::radians;
 use super::nodes::Nodes;
 use crate::correspondence::neighbourhood::phase_step;
@@ -86,13 +86,13 @@ impl Noise {
         view: View<'_>,
         nodes: &Nodes,
         evidence: &Evidence,
-        clear: &[u32],
+        clear: &[Clear],
         seen: &mut Values,
     ) -> Option<Self> {
         seen.clear();
-        for i in clear.iter().map(|&i| i as usize) {
-            let node = &nodes.nodes[i];
-            let Some(fit) = evidence.fit(i, node.label).filter(|fit| fit.moments.count >= 12.0) else { continue };
+        for &(i, label) in clear {
+            let node = &nodes.nodes[i as usize];
+            let Some(fit) = evidence.fit(i as usize, label).filter(|fit| fit.moments.count >= 12.0) else { continue };
             let [u, v] = nodes.middle_of(node).middle();
             let pixel = v * view.cam1.width + u;
             seen.push([per_square(view.cam1.modulation[pixel]), fit.moments.residual, 0.0, 0.0]);
