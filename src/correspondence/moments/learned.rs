@@ -112,8 +112,8 @@ impl Scratch {
         };
         let mut best = self.learn_in_rounds(view, attempt, first, attempt.rounds - 1, true);
         let mut has_decided = true;
-        for rival in 1..self.explanations.len() {
-            let rival = self.explanations[rival].clone();
+        for i in 1..self.explanations.len() {
+            let rival = self.explanations[i].clone();
             let rival = self.learn_in_rounds(view, attempt, rival, attempt.rounds - 1, true);
             has_decided = rival.nats > best.nats;
             if has_decided {
@@ -133,8 +133,9 @@ impl Scratch {
             clear.clear();
             clear.extend(rivals.nodes_of(rivals.labels[rival], nodes, evidence, view.model));
             let mut learned = start.clone();
-            self.teach(view, attempt, &mut learned);
-            self.explanations.push(learned);
+            if self.teach(view, attempt, &mut learned) {
+                self.explanations.push(learned);
+            }
         }
     }
 
@@ -144,11 +145,10 @@ impl Scratch {
         &mut self,
         view: View<'_>,
         attempt: &Attempt,
-        start: Learned,
+        mut learned: Learned,
         rounds: usize,
         by_surfaces: bool,
     ) -> Learned {
-        let mut learned = start;
         for round in 0..rounds {
             learned.is_settled = round + 1 == rounds;
             let is_of_surface = by_surfaces || learned.is_settled;
@@ -162,11 +162,13 @@ impl Scratch {
         learned
     }
 
-    /// Learns field, noise and widths from the nodes that are clear.
-    fn teach(&mut self, view: View<'_>, attempt: &Attempt, learned: &mut Learned) {
+    /// Learns field, noise and widths from the nodes that are clear. Tells whether they are enough for a field.
+    fn teach(&mut self, view: View<'_>, attempt: &Attempt, learned: &mut Learned) -> bool {
         let Self { runs, nodes, evidence, clear, fitting, values, .. } = self;
         let start = (&learned.field, attempt.prior_px);
-        if let Some(found) = fitting.fit(view, start, runs, nodes, evidence, clear) {
+        let found = fitting.fit(view, start, runs, nodes, evidence, clear);
+        let is_fitted = found.is_some();
+        if let Some(found) = found {
             (learned.field, learned.uncertainty) = found;
         }
         if let Some(noise) = Noise::of_nodes(view, nodes, evidence, clear, values) {
@@ -179,6 +181,7 @@ impl Scratch {
         let [mean, along, across, excess] = true_widths(view.model, evidence, clear, values).unwrap_or(USUAL_WIDTHS);
         (widths.mean, widths.slopes, widths.excess) = (mean, [along, across], excess);
         learned.cap = view.model.cap_rad;
+        is_fitted
     }
 
     /// Lists the nodes from which field, noise and widths are learned.

@@ -40,7 +40,8 @@ impl Rivals {
             else {
                 return;
             };
-            (*surface, sizes_px[largest]) = (largest, 0);
+            *surface = largest;
+            sizes_px[largest] = 0;
             let [mut all_px, mut inside_px] = [[0; LABELS]; 2];
             for (i, node) in of_surface(nodes, largest) {
                 for label in fits(i).map(|fit| fit.label) {
