@@ -102,30 +102,27 @@ impl Scratch {
     /// Finds the likeliest explanation, and tells whether it was the last to decide the nodes.
     fn explain_best(&mut self, view: View<'_>, attempt: &Attempt, start: Learned) -> (Learned, bool) {
         self.divide(view, 0, None);
-        self.explanations.clear();
         if attempt.has_rivals {
             self.start_from_rivals(view, attempt, &start);
         }
-        // Without a large surface, from what is clear about the start.
-        let Some(first) = self.explanations.first().cloned() else {
-            return (self.learn_in_rounds(view, attempt, start, attempt.rounds, false), true);
-        };
-        let mut best = self.learn_in_rounds(view, attempt, first, attempt.rounds - 1, true);
-        let mut has_decided = true;
-        for i in 1..self.explanations.len() {
-            let rival = self.explanations[i].clone();
-            let rival = self.learn_in_rounds(view, attempt, rival, attempt.rounds - 1, true);
-            has_decided = rival.nats > best.nats;
+        let mut rivals = std::mem::take(&mut self.explanations);
+        let (mut best, mut has_decided) = (None::<Learned>, true);
+        for rival in rivals.drain(..) {
+            let learned = self.learn_in_rounds(view, attempt, rival, attempt.rounds - 1, true);
+            has_decided = best.as_ref().is_none_or(|best| learned.nats > best.nats);
             if has_decided {
-                best = rival;
+                best = Some(learned);
             }
         }
+        self.explanations = rivals;
+        // Without a large surface, from what is clear about the start.
+        let best = best.unwrap_or_else(|| self.learn_in_rounds(view, attempt, start, attempt.rounds, false));
         (best, has_decided)
     }
 
     /// Lists what the largest surface teaches at each order that it could have.
     fn start_from_rivals(&mut self, view: View<'_>, attempt: &Attempt, start: &Learned) {
-        self.ask(view, 0, start, None);
+        self.gather(view, 0, start);
         let Self { runs, nodes, evidence, rivals, .. } = self;
         rivals.find(runs.surfaces, nodes, evidence, view.model);
         for rival in 0..self.rivals.labels.len() {

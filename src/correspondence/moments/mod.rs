@@ -314,7 +314,18 @@ impl Scratch {
 
     /// Decides the nodes of a level.
     fn ask(&mut self, view: View<'_>, level: u8, learned: &Learned, pixels: Option<&Pixels<'_>>) {
-        let Self { runs, nodes, of_surface, evidence, parts, .. } = self;
+        self.gather(view, level, learned);
+        let Self { runs, nodes, evidence, parts, messages, .. } = self;
+        let price_nats = price_nats(view.model, level);
+        if let Some(pixels) = pixels.filter(|_| view.model.does(Step::Contacts)) {
+            contacts::continue_decided(view, runs, nodes, parts, pixels, price_nats, &mut evidence.scores);
+        }
+        belief::decide(nodes, &evidence.scores, price_nats, messages);
+    }
+
+    /// Gathers the evidence of the nodes of a level.
+    fn gather(&mut self, view: View<'_>, level: u8, learned: &Learned) {
+        let Self { runs, nodes, of_surface, evidence, .. } = self;
         let space = SearchSpace::from_table(view.table);
         let question = Question {
             // A quarter of the samples is enough to learn from.
@@ -329,16 +340,6 @@ impl Scratch {
             is_vertical: view.table.epipolar_axis() == EpipolarAxis::Vertical,
         };
         evidence.gather(view, &learned.field, &space, runs, nodes, &question);
-        if let Some(pixels) = pixels.filter(|_| view.model.does(Step::Contacts)) {
-            let price_nats = price_nats(view.model, level);
-            contacts::continue_decided(view, runs, nodes, parts, pixels, price_nats, &mut evidence.scores);
-        }
-        self.decide(view.model, level);
-    }
-
-    /// Decides the nodes of a level from their evidence.
-    fn decide(&mut self, model: &Model, level: u8) {
-        belief::decide(&mut self.nodes, &self.evidence.scores, price_nats(model, level), &mut self.messages);
     }
 
     /// Opens the pixels of components again whose means speak against them, and of small ones: smaller tiles may see
