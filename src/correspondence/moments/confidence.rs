@@ -6,7 +6,7 @@ use super::likelihood::ln;
 
 /// Log odds of a point for each of its [`Grounds::terms`]: a logistic regression, as `examples/fit_confidence.rs` does it,
 /// to the scenes with even numbers of the first 96 of the list to build with.
-const FACTORS: [f32; CONFIDENCE_TERMS] = [1.65, 0.29, 0.18, 0.17, 2.20, 0.68];
+const FACTORS: [f32; CONFIDENCE_TERMS] = [1.08, 0.07, 0.18, 0.18, 4.58, 0.32];
 
 /// Number of factors of the model.
 pub const CONFIDENCE_TERMS: usize = 6;

@@ -26,6 +26,7 @@ mod continuity;
 mod decay;
 mod evidence;
 mod field;
+mod gaps;
 mod learned;
 mod likelihood;
 mod look;
@@ -34,6 +35,7 @@ mod nodes;
 mod noise;
 mod offsets;
 mod orders;
+mod part_rows;
 mod parts;
 mod phase_runs;
 mod points;
@@ -106,8 +108,9 @@ pub(super) struct Limits {
 #[derive(Clone, Copy, Debug)]
 struct Part {
     level: u8,
-    /// Surface of the node.
+    /// Surface of the node, and the label of its order there.
     surface: u32,
+    label: u8,
     /// Mean of δ less the field, rad, as used by the pixels.
     offset: f32,
     moments: Option<Moments>,

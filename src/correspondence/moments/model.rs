@@ -143,7 +143,7 @@ model! {
     nothing_nats: -1.0 "nats",
     /// Price of a change of order along a surface in the largest tiles; it falls with the root of the side
     price_nats: 5.0 "nats",
-    /// Price of a pixel at which a component breaks the surface of a better founded one
+    /// Price of a pixel of the cut at which a component breaks the surface of a better founded one
     break_nats: 0.05 "nats",
     /// Handicap of an order outside the volume for a whole surface
     outside_nats: 30.0 "nats",

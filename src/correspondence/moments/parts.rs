@@ -89,6 +89,7 @@ impl Scratch {
             parts.push(Part {
                 level,
                 surface: node.surface,
+                label: node.label,
                 offset: offsets[i],
                 moments,
                 odds,

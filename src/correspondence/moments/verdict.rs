@@ -16,17 +16,19 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use super::breaks;
+use super::breaks::{Breaks, Contact, Side, SurfaceOrder};
 use super::confidence::Grounds;
+use super::gaps::Gaps;
 use super::learned::Learned;
 use super::likelihood::{ln, radians, student_cost};
 use super::model::Step;
 use super::nodes::NONE;
 use super::noise::Noise;
 use super::offsets::{self, Offsets, PartMean};
+use super::part_rows::{PartRow, differ};
 use super::{Part, Pixels};
 use crate::correspondence::disjoint_sets::DisjointSets;
-use crate::correspondence::neighbourhood::{ABSENT, MAX_STEP};
+use crate::correspondence::neighbourhood::ABSENT;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
@@ -82,23 +84,13 @@ pub(super) struct Verdict {
     /// Pixels of each part.
     sizes_px: Vec<u32>,
     offsets: Offsets,
-    rows: Vec<RowOfParts>,
-    /// Components that break one surface, and pixels of contact.
-    broken: Vec<[u32; 3]>,
+    rows: Vec<PartRow>,
+    gaps: Gaps,
+    breaks: Breaks,
+    contacts: Vec<Contact>,
     /// Points of each component, and those whose place another holds.
     counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
-}
-
-/// What a row of pixels tells about parts.
-#[derive(Clone, Debug, Default)]
-struct RowOfParts {
-    /// Parts that continue each other, in the row and to the one below.
-    pairs: Vec<[u32; 2]>,
-    /// Parts, and numbers of pixels beside each other in the row.
-    sizes: Vec<[u32; 2]>,
-    /// Parts of one surface beside each other whose orders differ although the phase continues, and pixels of contact.
-    broken: Vec<[u32; 3]>,
 }
 
 /// The places of C2 that two surfaces claim.
@@ -134,7 +126,7 @@ impl Verdict {
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, sizes_px: sizes, offsets, rows, broken, .. } = self;
+        let Self { component_of, components, sizes_px: sizes, offsets, rows, gaps, breaks, contacts, .. } = self;
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
@@ -151,61 +143,30 @@ impl Verdict {
         for (own, ratio) in components.iter_mut().zip(offsets.ratios(count, view.model)) {
             own.nats = ratio;
         }
-        let component = |part: u32| component_of[part as usize];
-        let of_parts = rows.iter().flat_map(|row| &row.broken);
-        broken.clear();
-        let of_components = of_parts.map(|&[a, b, pixels]| [component(a), component(b), pixels]);
-        broken.extend(of_components.filter(|[a, b, _]| a != b));
-        breaks::charge(components, broken, view.model.break_nats);
+        let side = |part: u32| {
+            let Part { surface, label, .. } = parts[part as usize];
+            (component_of[part as usize], SurfaceOrder { surface, label })
+        };
+        breaks.sides.clear();
+        breaks.sides.extend(rows.iter().flat_map(|row| &row.beside).map(|&([part, joint], pixels)| {
+            let (component, order) = side(part);
+            Side { component, joint, order, pixels: pixels[0] as f32 }
+        }));
+        contacts.clear();
+        contacts.extend(rows.iter().flat_map(|row| &row.broken).map(|&(parts, pixels)| {
+            let [a, b] = parts.map(side);
+            Contact { sides: [a.min(b), a.max(b)], pixels }
+        }));
+        breaks.add_contacts(gaps.count, contacts);
+        breaks.charge(components, view.model.break_nats);
     }
 
+    /// Forms components of parts whose pixels continue each other.
     fn unite(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
-        let (width, height, owner) = (view.cam1.width, view.cam1.height, &*pixels.owner);
-        self.rows.resize_with(height, RowOfParts::default);
-        self.rows.par_iter_mut().enumerate().for_each(|(v, RowOfParts { pairs, sizes, broken })| {
-            pairs.clear();
-            broken.clear();
-            sizes.clear();
-            let own = &owner[v * width..(v + 1) * width];
-            let below = if v + 1 < height { &owner[(v + 1) * width..(v + 2) * width] } else { own };
-            let mut last = [NONE; 2];
-            let mut pair = |pixel: usize, other: usize| {
-                let pair = [owner[pixel], owner[other]];
-                // Parts that are united belong to one component, within which no break counts.
-                if pair[0] == pair[1] || pair.contains(&NONE) || pair == last {
-                    return;
-                }
-                if !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
-                    pairs.push(pair);
-                    last = pair;
-                    return;
-                }
-                let [a, b] = pair.map(|part| parts[part as usize].surface);
-                if a == b && breaks::goes_on(view, pixel, other) {
-                    match broken.last_mut() {
-                        Some([a, b, count]) if [*a, *b] == pair => *count += 1,
-                        _ => broken.push([pair[0], pair[1], 1]),
-                    }
-                }
-            };
-            let mut u = 0;
-            while u < width {
-                let (part, begin) = (own[u], u);
-                while u < width && own[u] == part {
-                    u += 1;
-                }
-                if part == NONE {
-                    continue;
-                }
-                sizes.push([part, (u - begin) as u32]);
-                for u in (begin..u).filter(|&u| below[u] != part) {
-                    pair(v * width + u, v * width + u + width);
-                }
-                if u < width {
-                    pair(v * width + u - 1, v * width + u);
-                }
-            }
-        });
+        self.gaps.find(view, pixels.owner);
+        let gaps = &self.gaps;
+        self.rows.resize_with(view.cam1.height, PartRow::default);
+        self.rows.par_iter_mut().enumerate().for_each(|(v, row)| row.find(view, pixels, gaps, v));
         self.sets.reset(parts.iter().map(|_| 1));
         for &[a, b] in self.rows.iter().flat_map(|row| &row.pairs) {
             self.sets.unite(a, b, 0);
@@ -372,12 +333,6 @@ fn place_of_rival(held: &[i32], columns: usize, place: usize, absolute: i32) -> 
     let both = |before: usize, after: usize| Some(!differ(at(before)?, at(after)?));
     let beside = |step: usize| both(place.checked_sub(step)?, place + step)?.then_some(place - step);
     at(place).map(|_| place).or_else(|| beside(1)).or_else(|| beside(columns))
-}
-
-/// Whether two points do not lie on one surface, as points beside each other or in one place of C2 would: their absolute
-/// phases differ.
-fn differ(a: i32, b: i32) -> bool {
-    (a - b).abs() > MAX_STEP
 }
 
 /// Turns distances of δ from the offset of the part, rad, into what they cost, nats.

@@ -1,0 +1,94 @@
+//! Rows of parts: how the parts of a row touch each other and gaps, there and in the row below.
+
+use super::Pixels;
+use super::breaks;
+use super::gaps::Gaps;
+use super::nodes::NONE;
+use crate::correspondence::neighbourhood::MAX_STEP;
+use crate::correspondence::view::View;
+
+/// Two that touch each other, and pixels across which the phase goes on from the one to the other, and ends.
+type Touching = ([u32; 2], [u32; 2]);
+
+/// What a row of pixels tells about parts.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PartRow {
+    /// Parts that continue each other, in the row and to the one below.
+    pub(super) pairs: Vec<[u32; 2]>,
+    /// Parts, and numbers of pixels beside each other in the row.
+    pub(super) sizes: Vec<[u32; 2]>,
+    /// Parts beside each other whose absolute phases differ, and pixels across which the phase goes on, and ends.
+    pub(super) broken: Vec<Touching>,
+    /// Parts beside gaps, likewise.
+    pub(super) beside: Vec<Touching>,
+}
+
+impl PartRow {
+    /// Finds the parts of row `v`, and how they touch each other and gaps, there and in the row below.
+    pub(super) fn find(&mut self, view: View<'_>, pixels: &Pixels<'_>, gaps: &Gaps, v: usize) {
+        let Self { pairs, sizes, broken, beside } = self;
+        pairs.clear();
+        sizes.clear();
+        broken.clear();
+        beside.clear();
+        let (width, owner) = (view.cam1.width, &*pixels.owner);
+        // The last row has none below, and is its own.
+        let next = (v + 1).min(view.cam1.height - 1);
+        let own = &owner[v * width..(v + 1) * width];
+        let below = &owner[next * width..(next + 1) * width];
+        let mut gaps = [gaps.row(v), gaps.row(next)];
+        let mut last = [NONE; 2];
+        let mut touch = |pixel: usize, other: usize| {
+            let pair = [owner[pixel], owner[other]];
+            if pair == last {
+                return;
+            }
+            if let [part, NONE] | [NONE, part] = pair {
+                let open = if pair[0] == NONE { pixel } else { other };
+                let gap = gaps[usize::from(open / width > v)].gap_of(open);
+                if gap != NONE {
+                    count(beside, [part, gap], breaks::goes_on(view, pixel, other));
+                }
+            } else if !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
+                // They belong to one component, within which no break counts.
+                pairs.push(pair);
+                last = pair;
+            } else {
+                count(broken, pair, breaks::goes_on(view, pixel, other));
+            }
+        };
+        let mut u = 0;
+        while u < width {
+            let (part, begin) = (own[u], u);
+            while u < width && own[u] == part {
+                u += 1;
+            }
+            if part != NONE {
+                sizes.push([part, (u - begin) as u32]);
+            }
+            for u in (begin..u).filter(|&u| below[u] != part) {
+                touch(v * width + u, next * width + u);
+            }
+            if u < width {
+                touch(v * width + u - 1, v * width + u);
+            }
+        }
+    }
+}
+
+/// Counts a pixel at which two touch, most often the last ones.
+fn count(touching: &mut Vec<Touching>, pair: [u32; 2], goes_on: Option<bool>) {
+    let Some(goes_on) = goes_on else { return };
+    if touching.last().is_none_or(|(last, _)| *last != pair) {
+        touching.push((pair, [0; 2]));
+    }
+    if let Some((_, pixels)) = touching.last_mut() {
+        pixels[usize::from(!goes_on)] += 1;
+    }
+}
+
+/// Whether two points do not lie on one surface, as points beside each other or in one place of C2 would: their absolute
+/// phases differ.
+pub(super) fn differ(a: i32, b: i32) -> bool {
+    (a - b).abs() > MAX_STEP
+}
