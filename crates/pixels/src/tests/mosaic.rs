@@ -86,7 +86,7 @@ proptest! {
         seed in any::<u64>(),
     ) {
         let mut random = numbers(seed);
-        let region = (has_region && width_px >= 21 && height_px >= 21)
+        let region = (has_region && width_px >= 22 && height_px >= 22)
             .then(|| [corner.0, corner.1, width_px - 4 - corner.0 / 2, height_px - 4 - corner.1 / 2]);
         let sensor_px = [width_px, height_px];
         let readout = match region {
