@@ -20,7 +20,8 @@ use crate::correspondence::neighbourhood::{MAX_STEP, phase_step};
 use crate::correspondence::view::View;
 
 /// What a pixel across which the phase ends tells against one surface, in pixels across which it goes on: ln(0.85 / 0.05) /
-/// ln(0.95 / 0.15), by the shares across which it goes on in a surface and where two surfaces meet.
+/// ln(0.95 / 0.15), if it goes on across 95 % of them in a surface and across 15 % where two surfaces meet. These shares are
+/// assumed; the second is what phases do that have nothing in common.
 const ENDS: f32 = 1.5;
 
 /// A component at a joint.
@@ -59,27 +60,29 @@ pub(super) struct Contact {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Breaks {
     pub(super) sides: Vec<Side>,
+    pub(super) contacts: Vec<Contact>,
     /// What the best founded components have at each joint: their order, and pixels.
     held: Vec<Option<(SurfaceOrder, f32)>>,
 }
 
 impl Breaks {
-    /// Adds the contacts of components as joints, from number `joint` on. They are put into order.
-    pub(super) fn add_contacts(&mut self, joint: usize, contacts: &mut [Contact]) {
+    /// Makes joints of the contacts, after as many gaps.
+    fn join_contacts(&mut self, gaps: usize) {
+        let Self { sides, contacts, .. } = self;
         contacts.sort_unstable_by_key(|contact| contact.sides);
-        for (joint, parts) in (joint as u32..).zip(contacts.chunk_by(|a, b| a.sides == b.sides)) {
+        for (joint, parts) in (gaps as u32..).zip(contacts.chunk_by(|a, b| a.sides == b.sides)) {
             let [goes_on, ends] = [0, 1].map(|i| parts.iter().map(|contact| contact.pixels[i]).sum::<u32>() as f32);
             let pixels = goes_on - ENDS * ends;
             if pixels > 0.0 {
-                let sides = parts[0].sides.map(|(component, order)| Side { component, joint, order, pixels });
-                self.sides.extend(sides);
+                sides.extend(parts[0].sides.map(|(component, order)| Side { component, joint, order, pixels }));
             }
         }
     }
 
-    /// Lets components pay for breaks.
-    pub(super) fn charge(&mut self, components: &mut [Component], price_nats: f32) {
-        let Self { sides, held } = self;
+    /// Lets components pay for breaks at so many gaps, of which the sides are known, and at contacts.
+    pub(super) fn charge(&mut self, gaps: usize, components: &mut [Component], price_nats: f32) {
+        self.join_contacts(gaps);
+        let Self { sides, held, .. } = self;
         let founded = |side: &Side| components[side.component as usize].nats;
         let place = |side: &Side| (side.component, side.joint, side.order);
         // A component comes after all that are better founded, so what they pay is known.
@@ -142,7 +145,7 @@ mod tests {
             Side { component, joint, order, pixels }
         };
         let mut breaks = Breaks { sides: sides.iter().map(side).collect(), ..Breaks::default() };
-        breaks.charge(&mut components, 0.5);
+        breaks.charge(0, &mut components, 0.5);
         components.iter().map(|own| own.nats).collect()
     }
 
@@ -173,9 +176,9 @@ mod tests {
             sides: [(a, SurfaceOrder { surface: 0, label: 1 }), (b, SurfaceOrder { surface: 0, label: 2 })],
             pixels,
         };
-        let mut contacts = [contact([1, 2], [4, 0]), contact([0, 1], [3, 2]), contact([1, 2], [3, 2])];
-        let mut breaks = Breaks::default();
-        breaks.add_contacts(7, &mut contacts);
+        let contacts = vec![contact([1, 2], [4, 0]), contact([0, 1], [3, 2]), contact([1, 2], [3, 2])];
+        let mut breaks = Breaks { contacts, ..Breaks::default() };
+        breaks.join_contacts(7);
         let sides: Vec<_> = breaks.sides.iter().map(|side| (side.component, side.joint, side.pixels)).collect();
         assert_eq!(sides, [(1, 8, 4.0), (2, 8, 4.0)]);
     }

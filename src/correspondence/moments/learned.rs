@@ -15,7 +15,7 @@ use super::field::Uncertainty;
 use super::likelihood::{Moments, Widths, ln};
 use super::model::{Model, Step};
 use super::noise::Noise;
-use super::rivals::is_clear;
+use super::rivals::fits_clearly;
 use crate::correspondence::drift::Drift;
 use crate::correspondence::view::View;
 
@@ -185,9 +185,9 @@ impl Scratch {
     fn list_clear(&mut self, model: &Model) {
         let Self { nodes, evidence, clear, .. } = self;
         let leads = nodes.sampled().filter(|(_, node)| node.lead >= model.clear_nats);
-        let fits = |i: usize, label: u8| evidence.fit(i, label).is_some_and(|fit| is_clear(fit, model));
         clear.clear();
-        clear.extend(leads.map(|(i, node)| (i as u32, node.label)).filter(|&(i, label)| fits(i as usize, label)));
+        clear
+            .extend(leads.map(|(i, node)| (i as u32, node.label)).filter(|clear| fits_clearly(evidence, clear, model)));
     }
 
     /// Mean log likelihood ratio of a pixel by its node at its order, nats: beyond the volume too as if the field were

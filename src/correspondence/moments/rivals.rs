@@ -66,8 +66,8 @@ impl Rivals {
         evidence: &'a Evidence,
         model: &'a Model,
     ) -> impl Iterator<Item = Clear> + 'a {
-        let fits = move |i: usize| evidence.fit(i, label).is_some_and(|fit| is_clear(fit, model));
-        of_surface(nodes, self.surface).filter(move |(i, _)| fits(*i)).map(move |(i, _)| (i as u32, label))
+        let clear = of_surface(nodes, self.surface).map(move |(i, _)| (i as u32, label));
+        clear.filter(move |clear| fits_clearly(evidence, clear, model))
     }
 }
 
@@ -76,7 +76,12 @@ fn of_surface(nodes: &Nodes, surface: usize) -> impl Iterator<Item = (usize, &No
     nodes.sampled().filter(move |(_, node)| node.surface as usize == surface)
 }
 
+/// Whether the samples of a node fit its label well enough to learn from it.
+pub(super) fn fits_clearly(evidence: &Evidence, &(i, label): &Clear, model: &Model) -> bool {
+    evidence.fit(i as usize, label).is_some_and(|fit| is_clear(fit, model))
+}
+
 /// Whether samples fit an order well enough to learn from it.
-pub(super) fn is_clear(fit: &Fit, model: &Model) -> bool {
+fn is_clear(fit: &Fit, model: &Model) -> bool {
     fit.ratio >= model.clear_nats && fit.moments.share >= model.clear_share
 }

@@ -87,7 +87,6 @@ pub(super) struct Verdict {
     rows: Vec<PartRow>,
     gaps: Gaps,
     breaks: Breaks,
-    contacts: Vec<Contact>,
     /// Points of each component, and those whose place another holds.
     counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
@@ -126,7 +125,7 @@ impl Verdict {
     pub(super) fn judge_means(&mut self, view: View<'_>, parts: &[Part], pixels: &Pixels<'_>) {
         self.unite(view, parts, pixels);
         let count = self.sets_of(parts.len());
-        let Self { component_of, components, sizes_px: sizes, offsets, rows, gaps, breaks, contacts, .. } = self;
+        let Self { component_of, components, sizes_px: sizes, offsets, rows, gaps, breaks, .. } = self;
         components.clear();
         components.resize(count, Component::default());
         sizes.clear();
@@ -152,13 +151,12 @@ impl Verdict {
             let (component, order) = side(part);
             Side { component, joint, order, pixels: pixels[0] as f32 }
         }));
-        contacts.clear();
-        contacts.extend(rows.iter().flat_map(|row| &row.broken).map(|&(parts, pixels)| {
+        breaks.contacts.clear();
+        breaks.contacts.extend(rows.iter().flat_map(|row| &row.broken).map(|&(parts, pixels)| {
             let [a, b] = parts.map(side);
             Contact { sides: [a.min(b), a.max(b)], pixels }
         }));
-        breaks.add_contacts(gaps.count, contacts);
-        breaks.charge(components, view.model.break_nats);
+        breaks.charge(gaps.count, components, view.model.break_nats);
     }
 
     /// Forms components of parts whose pixels continue each other.
