@@ -2,7 +2,8 @@
 //!
 //! Each cloud is registered to the model as seen from the predicted pose. If that fails, it is registered again from
 //! the last known pose, with a longer reach. A cloud that fails both is lost: it does not change the model, and the
-//! next cloud starts from the last known pose.
+//! next cloud starts from the last known pose. A cloud whose surface leaves part of the pose open is lost too, but the
+//! motion stays known.
 //!
 //! Registration uses a few thousand points, merging uses all points. If time is short, only some of the tracked clouds
 //! are merged. A fixed stride selects them, not a clock, so that the same clouds give the same poses.
@@ -199,12 +200,14 @@ impl Tracker {
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
         let settings = self.settings.registration;
         let rough = self.register_at(&sampled, &known.predict(time_ns), &settings);
-        let found = rough.and_then(|(reference, found)| {
-            let found = found.determined(&settings)?;
-            Ok((Tracking::Tracked(found), reference, found))
-        });
-        // If this fails, search once more near the last known pose.
-        match found.or_else(|_| self.relocalize(&sampled, &known.model_from_cam1)) {
+        let found = match &rough {
+            // A surface that leaves part of the pose open is not lost: a second search would leave it open too.
+            Ok((reference, found)) => {
+                found.determined(&settings).map(|found| (Tracking::Tracked(found), *reference, found))
+            }
+            Err(_) => self.relocalize(&sampled, &known.model_from_cam1),
+        };
+        match found {
             Ok((tracking, reference, found)) => {
                 self.accept(cloud, sampled, (tracking, &reference, &found), known, time_ns)
             }

@@ -39,8 +39,12 @@ pub(super) fn weight(pair: &Pair, scale: f64) -> f64 {
     (1.0 - outlier_share(pair, scale)).max(0.0).powi(2) / (pair.sd_m * pair.sd_m)
 }
 
-/// Minimum number of tiles for estimating the scatter of their gradients.
+/// Minimum number of tiles for estimating the scatter of their gradients. The fit of six unknowns reduces the scatter;
+/// with about six tiles none would be left.
 const MIN_TILES: usize = 12;
+
+/// Least curvature along a direction, as a share of the information. A direction with less is as good as unknown.
+const LEAST_CURVATURE: f64 = 1e-3;
 
 /// Sums over the pairs of all tiles.
 pub(super) struct Equations {
@@ -50,7 +54,7 @@ pub(super) struct Equations {
     gradient: Vector6<f64>,
     /// `Σ w`.
     weight: f64,
-    /// `Σ ψ' J Jᵀ`: the curvature of the robust sum.
+    /// `Σ ψ' J Jᵀ`: the curvature of the robust sum. It may be negative along a direction that outliers determine.
     curvature: Matrix6<f64>,
     /// `Σ g gᵀ` over the gradients of the tiles.
     scatter: Matrix6<f64>,
@@ -117,15 +121,26 @@ impl Equations {
         if self.weight > 0.0 { (self.squares / self.weight).sqrt() } else { 0.0 }
     }
 
-    /// Returns the covariance of the step, or `None` if it is undetermined or there are too few tiles.
+    /// Inverse of the curvature, with at least [`LEAST_CURVATURE`] along every direction; `None` if the step is
+    /// undetermined.
+    fn inverse_curvature(&self) -> Option<Matrix6<f64>> {
+        // The curvature in a basis in which the information is the identity.
+        let to_basis = self.information.cholesky()?.l().try_inverse()?;
+        let mut shares = (to_basis * self.curvature * to_basis.transpose()).symmetric_eigen();
+        shares.eigenvalues.apply(|share| *share = share.max(LEAST_CURVATURE).recip());
+        Some(to_basis.transpose() * shares.recompose() * to_basis)
+    }
+
+    /// Whether there are enough tiles for [`Self::covariance`].
+    pub(super) fn shows_scatter(&self) -> bool {
+        self.tiles >= MIN_TILES
+    }
+
+    /// Returns the covariance of the step, or `None` if it is undetermined.
     ///
     /// `smooth` is the covariance of the gradient caused by errors that tiles share.
     pub(super) fn covariance(&self, smooth: &Matrix6<f64>) -> Option<Matrix6<f64>> {
-        let inverse = self.curvature.cholesky()?.inverse();
-        // The fit of six unknowns reduced the scatter of the gradients; with about six tiles no scatter would be left.
-        if self.tiles < MIN_TILES {
-            return None;
-        }
+        let inverse = self.inverse_curvature()?;
         let tiles = self.tiles as f64;
         let covariance = inverse * (self.scatter * (tiles / (tiles - 6.0)) + smooth) * inverse;
         Some((covariance + covariance.transpose()) / 2.0)

@@ -153,9 +153,13 @@ fn judge(
     if found.last_step_sd > MAX_LAST_STEP_SD {
         return Err(Lost::NotConverged { step_sd: found.last_step_sd });
     }
+    if !equations.shows_scatter() {
+        return Err(Lost::TooFewInCommon { associated: found.pairs, tried });
+    }
     let Parametrization { centre, radius_m } = found.parametrization;
     let smooth = gradient_covariance(&found.paired, found.scale);
-    let covariance = equations.covariance(&smooth).ok_or(Lost::TooFewInCommon { associated: found.pairs, tried })?;
+    let undetermined = Lost::Degenerate { eigenvalue: equations.least_eigenvalue() };
+    let covariance = equations.covariance(&smooth).ok_or(undetermined)?;
     // The parameters are lengths, but the covariance of a pose has its rotation in rad.
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
