@@ -6,7 +6,8 @@ use crate::phase::shifts::ShiftError;
 use super::fit::MotionFit;
 use super::image_times::time;
 
-/// Range of motions that share one fit, rad per image. The rest is measured as motion of each pixel.
+/// Range of motions that share one fit, rad per image. The rest is measured as motion of each pixel. So a fit must be able
+/// to measure that much; the more images, the less it can.
 const BIN_RAD: f32 = 0.1;
 /// Fits on either side of rest: up to half a turn per image.
 const BINS: usize = 31;
@@ -14,8 +15,6 @@ const BINS: usize = 31;
 /// that of four images). Beyond, the surface moves so much with the fringes that its images hardly differ.
 const MAX_NOISE: f32 = 1.25;
 const MAX_NOISE_GAIN: f32 = 0.75;
-/// A fit must be able to measure at least this motion beyond the followed one, rad per image.
-const LEAST_LIMIT_RAD: f32 = 0.3;
 
 /// Fits of images with the same shifts, for surfaces of different motion.
 #[derive(Clone, Debug)]
@@ -81,8 +80,7 @@ impl FollowingFit {
         let shifts = resting.shifts_rad().iter().enumerate();
         let turned: Vec<f64> = shifts.map(|(i, shift)| shift + motion_rad * time(i, images)).collect();
         let is_usable = |fit: &MotionFit| {
-            fit.noise_gain() <= MAX_NOISE_GAIN.max(MAX_NOISE * resting.noise_gain())
-                && fit.least_limit_rad() >= LEAST_LIMIT_RAD
+            fit.noise_gain() <= MAX_NOISE_GAIN.max(MAX_NOISE * resting.noise_gain()) && fit.least_limit_rad() >= BIN_RAD
         };
         Self(MotionFit::new(&turned).ok().filter(is_usable).map(Box::new))
     }
