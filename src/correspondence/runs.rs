@@ -59,6 +59,11 @@ struct Band<S> {
 }
 
 impl Run {
+    /// A run that is a set of its own.
+    pub(super) fn new(pixels: Range<usize>) -> Self {
+        Self { begin: pixels.start as u32, end: pixels.end as u32, set: 0, order_offset: 0 }
+    }
+
     /// Its pixels.
     pub(super) fn pixels(&self) -> Range<usize> {
         self.begin as usize..self.end as usize
@@ -166,8 +171,7 @@ pub(super) fn divide_at_marks(first: usize, marks: &[u8], is_inside: impl Fn(usi
     let mut begin = 0;
     let mut end_at = |end: usize| {
         if begin < end && is_inside(begin) {
-            let [begin, end] = [begin, end].map(|column| (first + column) as u32);
-            runs.push(Run { begin, end, set: 0, order_offset: 0 });
+            runs.push(Run::new(first + begin..first + end));
         }
         begin = end;
     };

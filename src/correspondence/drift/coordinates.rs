@@ -263,7 +263,7 @@ impl Kernel for DepthKernel<'_> {
             for i in 0..BLOCK {
                 at[i] = x[i] as f32;
             }
-            for k in 0..=DEGREE {
+            for (k, of_power) in out.coefficients.iter_mut().enumerate() {
                 let mut sums = [0.0; BLOCK];
                 // Horner's rule; terms of a higher total degree do not exist.
                 for power in (0..=DEGREE - k).rev() {
@@ -271,7 +271,9 @@ impl Kernel for DepthKernel<'_> {
                         sums[i] = sums[i] * at[i] + coefficients[power][k];
                     }
                 }
-                out.coefficients[k][block * BLOCK..][..BLOCK].copy_from_slice(&sums);
+                if let Some(of_block) = of_power.as_chunks_mut().0.get_mut(block) {
+                    *of_block = sums;
+                }
             }
         }
     }

@@ -1,5 +1,7 @@
 //! The probability that a point is true.
 
+use fringeflow_simd::{Kernel, Lanes, Level};
+
 use super::continuity::NEIGHBOURS;
 use super::decay::decay;
 use super::likelihood::ln;
@@ -7,6 +9,9 @@ use super::likelihood::ln;
 /// Log odds of a point for each of its [`Grounds::terms`]: a logistic regression, as `examples/fit_confidence.rs` does it,
 /// to the scenes with even numbers of the first 96 of the list to build with.
 const FACTORS: [f32; CONFIDENCE_TERMS] = [1.08, 0.07, 0.18, 0.18, 4.58, 0.32];
+
+/// Pixels whose log odds are computed at once.
+const BLOCK: usize = 32;
 
 /// Number of factors of the model.
 pub const CONFIDENCE_TERMS: usize = 6;
@@ -29,10 +34,10 @@ pub struct Grounds {
 impl Grounds {
     /// The terms of the model: a logistic regression, in which the probability rises with each of them.
     #[must_use]
+    #[inline(always)]
     pub fn terms(&self) -> [f32; CONFIDENCE_TERMS] {
         let continuing = f32::from(self.continuing) / f32::from(NEIGHBOURS);
-        // Few points were adopted; the logarithm costs as much as all other terms.
-        let depth = if self.depth == 0 { 0.0 } else { ln(1.0 + f32::from(self.depth)) };
+        let depth = ln(1.0 + f32::from(self.depth));
         [1.0, self.surface, self.odds_nats, -self.cost_nats, continuing, -depth]
     }
 }
@@ -46,9 +51,8 @@ impl Confidence {
     /// No point, or no confidence stated.
     pub const NONE: Self = Self(0);
 
-    /// The confidence that these grounds give; never [`Self::NONE`].
-    pub(super) fn of(grounds: &Grounds) -> Self {
-        let nats: f32 = grounds.terms().iter().zip(FACTORS).map(|(term, factor)| term * factor).sum();
+    /// The confidence at these log odds; never [`Self::NONE`].
+    fn at(nats: f32) -> Self {
         let unlikely = UNLIKELY.at(nats.abs());
         let steps = if nats < 0.0 { unlikely } else { f32::from(u16::MAX) - unlikely };
         Self((steps + 0.5).max(1.0) as u16)
@@ -58,6 +62,53 @@ impl Confidence {
     #[must_use]
     pub fn probability(self) -> f32 {
         f32::from(self.0) / f32::from(u16::MAX)
+    }
+}
+
+/// Pixels of a row that belong to one part of a surface.
+pub(super) struct OfPart<'a> {
+    /// What they have in common: surface and odds.
+    pub(super) part: Grounds,
+    /// What each has of its own.
+    pub(super) costs_nats: &'a [f32],
+    pub(super) continuing: &'a [u8],
+    pub(super) depths: &'a [u8],
+}
+
+impl OfPart<'_> {
+    /// Writes their confidences; none is [`Confidence::NONE`].
+    pub(super) fn write(self, confidence: &mut [Confidence]) {
+        fringeflow_simd::run(Level::in_use(), ConfidenceKernel { pixels: self, confidence });
+    }
+}
+
+struct ConfidenceKernel<'a, 'b> {
+    pixels: OfPart<'a>,
+    confidence: &'b mut [Confidence],
+}
+
+impl Kernel for ConfidenceKernel<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { pixels: OfPart { part, costs_nats, continuing, depths }, confidence } = self;
+        let blocks = costs_nats.chunks(BLOCK).zip(continuing.chunks(BLOCK)).zip(depths.chunks(BLOCK));
+        for (((costs, continuing), depths), confidence) in blocks.zip(confidence.chunks_mut(BLOCK)) {
+            let mut nats = [0.0; BLOCK];
+            let own = nats.iter_mut().zip(costs).zip(continuing).zip(depths);
+            for (((nats, &cost_nats), &continuing), &depth) in own {
+                let terms = Grounds { cost_nats, continuing, depth, ..part }.terms();
+                let mut sum = 0.0;
+                for i in 0..CONFIDENCE_TERMS {
+                    sum += terms[i] * FACTORS[i];
+                }
+                *nats = sum;
+            }
+            for (confidence, nats) in confidence.iter_mut().zip(nats) {
+                *confidence = Confidence::at(nats);
+            }
+        }
     }
 }
 
@@ -95,6 +146,14 @@ impl Logistic {
 mod tests {
     use super::*;
 
+    fn confidence(grounds: Grounds) -> Confidence {
+        let mut confidence = [Confidence::NONE];
+        let Grounds { cost_nats, continuing, depth, .. } = grounds;
+        let pixels = OfPart { part: grounds, costs_nats: &[cost_nats], continuing: &[continuing], depths: &[depth] };
+        pixels.write(&mut confidence);
+        confidence[0]
+    }
+
     #[test]
     fn confidence_rises_with_each_ground_and_falls_with_the_cost() {
         let usual = Grounds { surface: 2.0, odds_nats: 4.0, cost_nats: 1.0, continuing: 6, depth: 20 };
@@ -108,7 +167,7 @@ mod tests {
                 Grounds { continuing: i / 5, ..usual },
                 Grounds { depth: 40 - i, ..usual },
             ];
-            for (last, now) in last.iter_mut().zip(each.map(|grounds| Confidence::of(&grounds))) {
+            for (last, now) in last.iter_mut().zip(each.map(confidence)) {
                 assert!(now >= *last && now > Confidence::NONE && now.probability() <= 1.0);
                 *last = now;
             }
@@ -121,7 +180,7 @@ mod tests {
         for odds_nats in [-40.0, -12.0, -5.0, 0.0, 3.0, 20.0_f32] {
             let nats = f64::from(FACTORS[0]) + f64::from(FACTORS[2] * odds_nats);
             let expected = 1.0 / (1.0 + (-nats).exp());
-            let found = f64::from(Confidence::of(&grounds(odds_nats)).probability());
+            let found = f64::from(confidence(grounds(odds_nats)).probability());
             assert!((found - expected).abs() < 2e-5, "{found} {expected}");
         }
     }

@@ -5,15 +5,17 @@
 //! it goes on between any two of their pixels
 //! ```
 
+use fringeflow_simd::LANES;
+
 use super::breaks::goes_on;
 use super::nodes::NONE;
-use crate::correspondence::runs::{Run, Runs, Union, divide_at_marks};
+use crate::correspondence::runs::{Run, Runs, Union};
 use crate::correspondence::view::View;
 
 /// The gaps of an image.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Gaps {
-    runs: Runs<Vec<u8>>,
+    runs: Runs<()>,
     /// Number of gaps.
     pub(super) count: usize,
 }
@@ -22,17 +24,22 @@ impl Gaps {
     /// Finds the gaps between parts. `owner` is the part of each pixel.
     pub(super) fn find(&mut self, view: View<'_>, owner: &[u32]) {
         let (width, height) = (view.cam1.width, view.cam1.height);
-        let is_open = |pixel: usize| owner[pixel] == NONE && view.cam1.valid[pixel];
-        self.runs.divide(height, rayon::iter::repeat_n((), height), |v, ends, (), runs| {
-            let first = v * width;
-            let mut was_open = false;
-            ends.clear();
-            for pixel in first..first + width {
-                let is_open = is_open(pixel);
-                ends.push(u8::from(is_open != was_open || is_open && goes_on(view, pixel - 1, pixel) != Some(true)));
-                was_open = is_open;
+        let valid = &view.cam1.valid;
+        self.runs.divide(height, rayon::iter::repeat_n((), height), |v, (), (), runs| {
+            let end = (v + 1) * width;
+            let mut begin = v * width;
+            loop {
+                begin += count_closed(&owner[begin..end], &valid[begin..end]);
+                if begin == end {
+                    break;
+                }
+                let mut next = begin + 1;
+                while next < end && is_open(owner[next], valid[next]) && goes_on(view, next - 1, next) == Some(true) {
+                    next += 1;
+                }
+                runs.push(Run::new(begin..next));
+                begin = next;
             }
-            divide_at_marks(first, ends, |u| is_open(first + u), runs);
         });
         self.count = self.runs.unite(width, |_, _, overlaps, unions| {
             for (runs, shared) in overlaps {
@@ -47,6 +54,22 @@ impl Gaps {
     pub(super) fn row(&self, v: usize) -> Cursor<'_> {
         Cursor(self.runs.row(v))
     }
+}
+
+fn is_open(owner: u32, is_valid: bool) -> bool {
+    (owner == NONE) & is_valid
+}
+
+/// How many of these pixels, from the first one on, are not open.
+fn count_closed(owner: &[u32], valid: &[bool]) -> usize {
+    // Whole blocks are looked at at once.
+    let blocks = owner.as_chunks::<LANES>().0.iter().zip(valid.as_chunks::<LANES>().0);
+    let any_open = |(owner, valid): (&[u32; LANES], &[bool; LANES])| {
+        owner.iter().zip(valid).fold(false, |any, (owner, valid)| any | is_open(*owner, *valid))
+    };
+    let closed = LANES * blocks.take_while(|&block| !any_open(block)).count();
+    let rest = owner[closed..].iter().zip(&valid[closed..]);
+    closed + rest.take_while(|(owner, valid)| !is_open(**owner, **valid)).count()
 }
 
 /// Finds the gaps of pixels of a row, from left to right.

@@ -148,6 +148,9 @@ impl Pixels<'_> {
 
     /// Takes the decisions of the parts back that do not stand.
     fn open_parts(&mut self, stands: &[bool]) {
+        if stands.iter().all(|stands| *stands) {
+            return;
+        }
         self.owner.par_iter_mut().zip(&mut *self.state).for_each(|(owner, state)| {
             if *owner != NONE && !stands[*owner as usize] {
                 (*owner, *state) = (NONE, OPEN);
@@ -261,9 +264,12 @@ impl Scratch {
         if let Some(grounds) = grounds {
             grounds.clear();
             grounds.extend((0..count).map(|pixel| match pixels.state[pixel] {
-                INSIDE => {
-                    verdict.grounds(pixel, pixels.owner[pixel], [continuity.of_pixels[pixel], adoption.depths[pixel]])
-                }
+                INSIDE => Grounds {
+                    cost_nats: verdict.costs_nats(pixel..pixel + 1)[0],
+                    continuing: continuity.of_pixels[pixel],
+                    depth: adoption.depths[pixel],
+                    ..verdict.grounds_of_part(pixels.owner[pixel])
+                },
                 _ => Grounds::default(),
             }));
         }

@@ -1,5 +1,7 @@
 //! Rows of parts: how the parts of a row touch each other and gaps, there and in the row below.
 
+use fringeflow_simd::LANES;
+
 use super::Pixels;
 use super::breaks;
 use super::gaps::Gaps;
@@ -57,23 +59,32 @@ impl PartRow {
                 count(broken, pair, breaks::goes_on(view, pixel, other));
             }
         };
-        let mut u = 0;
-        while u < width {
-            let (part, begin) = (own[u], u);
-            while u < width && own[u] == part {
-                u += 1;
-            }
+        let mut begin = 0;
+        while begin < width {
+            let part = own[begin];
+            let end = begin + count_of(&own[begin..], part);
             if part != NONE {
-                sizes.push([part, (u - begin) as u32]);
+                sizes.push([part, (end - begin) as u32]);
             }
-            for u in (begin..u).filter(|&u| below[u] != part) {
+            let mut u = begin + count_of(&below[begin..end], part);
+            while u < end {
                 touch(v * width + u, next * width + u);
+                u += 1 + count_of(&below[u + 1..end], part);
             }
-            if u < width {
-                touch(v * width + u - 1, v * width + u);
+            if end < width {
+                touch(v * width + end - 1, v * width + end);
             }
+            begin = end;
         }
     }
+}
+
+/// How many of these pixels, from the first one on, belong to a part.
+fn count_of(owner: &[u32], part: u32) -> usize {
+    // Whole blocks are compared at once.
+    let is_own = |block: &&[u32; LANES]| block.iter().fold(true, |all, owner| all & (*owner == part));
+    let own = LANES * owner.as_chunks().0.iter().take_while(is_own).count();
+    own + owner[own..].iter().take_while(|owner| **owner == part).count()
 }
 
 /// Counts a pixel at which two touch, most often the last ones.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use fringeflow_base::outcome::Outcome;
 use rayon::prelude::*;
 
-use super::confidence::Confidence;
+use super::confidence::{Confidence, OfPart};
 use super::verdict::Verdict;
 use super::{BEYOND, OPEN, Part, Pixels};
 use crate::correspondence::chosen::ChosenRow;
@@ -132,19 +132,24 @@ impl Foundation<'_> {
             Part { candidates: 1, .. } => Outcome::Unique,
             _ => Outcome::AcrossEpipolar,
         };
+        let first = v * self.view.cam1.width;
+        let pixels = first + columns.start..first + columns.end;
+        let of_part = OfPart {
+            part: self.verdict.grounds_of_part(part),
+            costs_nats: self.verdict.costs_nats(pixels.clone()),
+            continuing: &self.continuing[pixels.clone()],
+            depths: &self.depths[pixels],
+        };
+        of_part.write(&mut written.confidence[columns.clone()]);
         for u in columns {
-            let pixel = v * self.view.cam1.width + u;
-            let depth = self.depths[pixel];
-            let own = Confidence::of(&self.verdict.grounds(pixel, part, [self.continuing[pixel], depth]));
-            if own.probability() < self.min_confidence {
+            if written.confidence[u].probability() < self.min_confidence {
                 written.nothing(u, Outcome::Ambiguous);
                 continue;
             }
-            written.outcomes[u] = outcome;
-            (written.passing[u], written.confidence[u]) = (part_of.candidates, own);
+            (written.outcomes[u], written.passing[u]) = (outcome, part_of.candidates);
             // At rims, where pixels are adopted, two surfaces mix.
-            if depth == 0 {
-                *rests = rests.merged(DeltaSums::of(rest[pixel]));
+            if self.depths[first + u] == 0 {
+                *rests = rests.merged(DeltaSums::of(rest[first + u]));
             }
         }
     }

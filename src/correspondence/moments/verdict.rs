@@ -12,6 +12,8 @@
 //! The parts of a component were chosen because they fit. So shares and slopes that are good tell no more about it: those
 //! of a wrong component are as good. What remains is where the means lie.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
@@ -307,12 +309,15 @@ impl Verdict {
         self.odds_of[owner] + self.standing_of[owner] + more_nats - self.costs[pixel]
     }
 
-    /// What speaks for and against the point of a pixel, around which so many pixels continue it, and which was adopted
-    /// at this depth.
-    pub(super) fn grounds(&self, pixel: usize, owner: u32, [continuing, depth]: [u8; 2]) -> Grounds {
-        let owner = owner as usize;
-        let (surface, odds_nats) = (self.standing_of[owner], self.odds_of[owner]);
-        Grounds { surface, odds_nats, cost_nats: self.costs[pixel], continuing, depth }
+    /// What speaks for and against all points of a part.
+    pub(super) fn grounds_of_part(&self, part: u32) -> Grounds {
+        let part = part as usize;
+        Grounds { surface: self.standing_of[part], odds_nats: self.odds_of[part], ..Grounds::default() }
+    }
+
+    /// What δ of pixels speaks against their points, nats.
+    pub(super) fn costs_nats(&self, pixels: Range<usize>) -> &[f32] {
+        &self.costs[pixels]
     }
 
     /// Which parts belong to components that are likelier true than wrong, and of so many pixels at least.
