@@ -80,6 +80,7 @@ mod support;
 mod test_random;
 mod unique;
 mod view;
+mod wanted;
 
 pub use agreement::MatchError;
 pub use candidates::{Candidate, DeltaGate};

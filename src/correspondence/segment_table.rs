@@ -20,6 +20,7 @@ use super::segment_fields::{
     units_per_px,
 };
 use super::source_map::SourceMap;
+use super::wanted::WantedBlocks;
 
 /// Distance of the sampled pixels, along both axes.
 const AXIS_STRIDE: usize = 16;
@@ -129,11 +130,23 @@ impl SegmentTable {
 
     /// Fills in the segments of row `v` of C1.
     pub fn row(&self, v: usize, row: &mut SegmentRow) {
+        self.fill_row(v, None, row);
+    }
+
+    /// Fills in the segments of the wanted pixels of row `v` of C1.
+    pub(super) fn row_where(&self, v: usize, wanted: &WantedBlocks, row: &mut SegmentRow) {
+        self.fill_row(v, Some(wanted.blocks()), row);
+    }
+
+    fn fill_row(&self, v: usize, wanted: Option<&[bool]>, row: &mut SegmentRow) {
         let patches = self.size_px[0].div_ceil(PATCH_PX);
         row.resize(patches);
         let (begin, end) = self.limits_of_row(v);
         let per_px = 1.0 / units_per_px(self.epipolar_size_px[0]) as f32;
-        fringeflow_simd::run(Level::in_use(), RowKernel { fields: self.fields.row(v), begin, end, per_px, row });
+        fringeflow_simd::run(
+            Level::in_use(),
+            RowKernel { fields: self.fields.row(v), wanted, begin, end, per_px, row },
+        );
     }
 
     /// Index of the pixel of the epipolar frame nearest to a column and row, pixels: a place of C2.
@@ -284,6 +297,8 @@ impl RayRow<'_> {
 /// Computes a row of segments.
 struct RowKernel<'a> {
     fields: FieldRow<'a, FIELDS>,
+    /// Which patches are wanted; `None` for all.
+    wanted: Option<&'a [bool]>,
     begin: &'a [u16],
     end: &'a [u16],
     /// Pixels per step of the limits.
@@ -296,9 +311,9 @@ impl Kernel for RowKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { fields, begin, end, per_px, row } = self;
+        let Self { fields, wanted, begin, end, per_px, row } = self;
         fields.along_row(&mut row.along_row);
-        let along_row = &row.along_row;
+        let along_row = (&row.along_row[..], wanted);
         fill(&mut row.row_px, along_row, ROW);
         fill(&mut row.reference_px, along_row, REFERENCE);
         fill(&mut row.a, along_row, AT_REFERENCE);
@@ -318,9 +333,11 @@ impl Kernel for RowKernel<'_> {
 
 /// Evaluates a field along a row.
 #[inline(always)]
-fn fill(out: &mut [f32], along_row: &[[[f32; POWERS]; FIELDS]], field: usize) {
+fn fill(out: &mut [f32], (along_row, wanted): (&[[[f32; POWERS]; FIELDS]], Option<&[bool]>), field: usize) {
     let columns = Columns::new();
-    for (out, coefficients) in out.as_chunks_mut().0.iter_mut().zip(along_row) {
-        *out = columns.values(&coefficients[field]);
+    for (i, (out, coefficients)) in out.as_chunks_mut().0.iter_mut().zip(along_row).enumerate() {
+        if wanted.is_none_or(|wanted| wanted[i]) {
+            *out = columns.values(&coefficients[field]);
+        }
     }
 }

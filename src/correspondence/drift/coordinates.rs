@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Vector3};
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::kernels::load;
+use crate::correspondence::patches::PATCH_PX;
 
 /// Highest total degree of the polynomials.
 const DEGREE: usize = 5;
@@ -109,8 +110,15 @@ impl DriftCoordinates {
         RowPolynomial { places: *self, y, coefficients: coefficients.map(|of_power| of_power.map(|c| c as f32)) }
     }
 
-    /// Evaluates a polynomial along the segments of all pixels of row `v` of C1.
-    pub(super) fn along_segments(&self, polynomial: &Polynomial, v: usize, width: usize, out: &mut DepthRow) {
+    /// Evaluates a polynomial along the segments of pixels of row `v` of C1: of those in `wanted` blocks, or of all.
+    pub(super) fn along_segments(
+        &self,
+        polynomial: &Polynomial,
+        v: usize,
+        width: usize,
+        wanted: Option<&[bool]>,
+        out: &mut DepthRow,
+    ) {
         out.per_px = (1.0 / self.scale_px) as f32;
         if out.x.len() != width.next_multiple_of(BLOCK) || out.half_px != self.half_px {
             out.half_px = self.half_px;
@@ -120,7 +128,7 @@ impl DriftCoordinates {
         for array in out.coefficients.iter_mut().chain([&mut out.middle_px]) {
             array.resize(width.next_multiple_of(BLOCK), 0.0);
         }
-        fringeflow_simd::run(Level::in_use(), DepthKernel { polynomial: self.in_row(polynomial, v), out });
+        fringeflow_simd::run(Level::in_use(), DepthKernel { polynomial: self.in_row(polynomial, v), wanted, out });
     }
 }
 
@@ -148,7 +156,7 @@ impl RowPolynomial {
 }
 
 /// Pixels handled at once.
-const BLOCK: usize = 16;
+const BLOCK: usize = PATCH_PX;
 
 /// A field along the segments of a row of pixels: for each pixel a polynomial in d, one array per number. The length of
 /// each array is a multiple of sixteen.
@@ -244,6 +252,7 @@ impl<L: Lanes> DepthBlock<L> {
 /// Computes the polynomials of a row.
 struct DepthKernel<'a> {
     polynomial: RowPolynomial,
+    wanted: Option<&'a [bool]>,
     out: &'a mut DepthRow,
 }
 
@@ -252,10 +261,13 @@ impl Kernel for DepthKernel<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let Self { polynomial: RowPolynomial { places, y, coefficients }, out } = self;
+        let Self { polynomial: RowPolynomial { places, y, coefficients }, wanted, out } = self;
         let [a, b, c] = places.middle_px;
         let blocks = out.middle_px.as_chunks_mut::<BLOCK>().0.iter_mut().zip(out.x.as_chunks::<BLOCK>().0);
         for (block, (middle_px, x)) in blocks.enumerate() {
+            if wanted.is_some_and(|wanted| !wanted[block]) {
+                continue;
+            }
             for i in 0..BLOCK {
                 middle_px[i] = (a + b * x[i] + c * y) as f32;
             }
@@ -375,7 +387,7 @@ mod tests {
     fn along_a_segment_a_polynomial_has_its_values() {
         let polynomial: Polynomial = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 10.0);
         let mut row = DepthRow::default();
-        places().along_segments(&polynomial, 30, 64, &mut row);
+        places().along_segments(&polynomial, 30, 64, None, &mut row);
         let along = row.segment(17);
         for column_px in [30.0, 80.0, 104.0, 130.0, 260.0] {
             let monomials = monomials(places().place(17.0, 30.0, column_px));

@@ -21,6 +21,7 @@ use std::f64::consts::TAU;
 use self::coordinates::{DriftCoordinates, Polynomial, TERMS};
 use super::delta_statistics::DeltaStatistics;
 use super::segment_table::SegmentTable;
+use super::wanted::WantedBlocks;
 
 pub(super) use coordinates::{DepthBlock, DepthPolynomial, DepthRow, RowPolynomial};
 pub use known::KnownDrift;
@@ -146,7 +147,12 @@ impl Drift {
 
     /// Computes δ of true candidates along the segments of a row of C1, turns.
     pub(super) fn along_row(&self, v: usize, width: usize, out: &mut DepthRow) {
-        self.places.along_segments(&self.field, v, width, out);
+        self.places.along_segments(&self.field, v, width, None, out);
+    }
+
+    /// The same for the wanted pixels.
+    pub(super) fn along_row_where(&self, v: usize, width: usize, wanted: &WantedBlocks, out: &mut DepthRow) {
+        self.places.along_segments(&self.field, v, width, Some(wanted.blocks()), out);
     }
 
     /// The same for a few pixels of a row, turns.

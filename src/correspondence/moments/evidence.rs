@@ -10,7 +10,7 @@
 use super::field::Uncertainty;
 use super::likelihood::{Look, Moments, Sums, Widths};
 use super::model::Model;
-use super::nodes::{LABELS, NOTHING, Node, Nodes, Outlook};
+use super::nodes::{LABELS, NOTHING, Node, Nodes, Outlook, Piece};
 use super::noise::Noise;
 use super::orders::SearchSpace;
 use super::phase_runs::PhaseRuns;
@@ -90,22 +90,16 @@ impl Evidence {
         all.for_each(&|row, nodes, scores, ranges, fits| {
             let mut tile_row = pool.take();
             let first = row * tile_px;
-            tile_row.rows.iter_mut().for_each(|row| row.is_loaded = false);
-            if tile_row.rows.len() < tile_px {
-                tile_row.rows.resize(tile_px, Row::default());
-            }
+            let stride_of = |node: &Node| if node.size_px < MANY_PX { 1 } else { question.stride_px };
+            let asked = nodes.iter().filter(|node| node.size_px >= question.min_px);
+            let sampled = asked.flat_map(|node| pieces_at(&pieces[node.piece_range()], stride_of(node)));
+            tile_row.load(view, field, [first, tile_px], sampled);
             fits.clear();
             for ((node, scores), range) in nodes.iter_mut().zip(scores).zip(ranges) {
                 let begin = fits.len() as u32;
                 node.sampled = 0;
                 if node.size_px >= question.min_px {
-                    let stride = if node.size_px < MANY_PX { 1 } else { question.stride_px };
-                    for piece in &pieces[node.piece_range()] {
-                        let v = piece.v as usize;
-                        if v % stride == stride / 2 {
-                            tile_row.load(view, field, first, v);
-                        }
-                    }
+                    let stride = stride_of(node);
                     let TileRow { rows, samples, listed, sums } = &mut *tile_row;
                     let pieces = &pieces[node.piece_range()];
                     let grid = Grid { runs, node, pieces, stride, tile_px, first_row: first, rows };
@@ -201,14 +195,32 @@ struct TileRow {
 }
 
 impl TileRow {
-    fn load(&mut self, view: View<'_>, field: &Drift, first: usize, v: usize) {
-        let row = &mut self.rows[v - first];
-        if !row.is_loaded {
-            row.is_loaded = true;
-            view.table.row(v, &mut row.segments);
-            field.along_row(v, view.cam1.width, &mut row.field);
+    /// Loads segments and field at the sampled pieces of a tile row.
+    fn load<'a>(
+        &mut self,
+        view: View<'_>,
+        field: &Drift,
+        [first, tile_px]: [usize; 2],
+        sampled: impl Iterator<Item = &'a Piece>,
+    ) {
+        let (rows, width) = (&mut self.rows, view.cam1.width);
+        rows.resize(rows.len().max(tile_px), Row::default());
+        rows.iter_mut().for_each(|row| row.wanted.reset(width));
+        for piece in sampled {
+            rows[piece.v as usize - first].wanted.want(piece.columns());
+        }
+        for (i, Row { wanted, segments, field: along }) in rows.iter_mut().enumerate() {
+            if wanted.any() {
+                view.table.row_where(first + i, wanted, segments);
+                field.along_row_where(first + i, width, wanted, along);
+            }
         }
     }
+}
+
+/// The pieces of a node with samples, in rows at a distance.
+pub(super) fn pieces_at(pieces: &[Piece], stride_px: usize) -> impl Iterator<Item = &Piece> {
+    pieces.iter().filter(move |piece| piece.v as usize % stride_px == stride_px / 2)
 }
 
 /// Scores of all labels of a node, and the fits.

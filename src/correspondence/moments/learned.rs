@@ -78,9 +78,9 @@ impl Scratch {
         for (attempt, start) in [(&usual, Some(&none)), (&usual, known), (&any, Some(&none))] {
             let Some(start) = start else { continue };
             let start = Learned::about(start, attempt, of_phase, model);
-            let (learned, has_decided) = self.explain_best(view, attempt, start);
+            let learned = self.explain_best(view, attempt, start);
             if !learned.is_scattered(model) || !model.does(Step::WideSearch) {
-                return if has_decided { learned } else { self.decide_again(view, learned) };
+                return learned;
             }
             best = Some(match best {
                 Some(before) if before.nats >= learned.nats => before,
@@ -89,35 +89,43 @@ impl Scratch {
         }
         // Nothing is as it should be: the last attempt decided the nodes, the best one decides them again.
         let best = best.unwrap_or_else(|| Learned::about(&none, &any, of_phase, model));
-        self.decide_again(view, best)
-    }
-
-    /// Decides the nodes from what was learned before another attempt.
-    fn decide_again(&mut self, view: View<'_>, learned: Learned) -> Learned {
         self.divide(view, 0, None);
-        self.ask(view, 0, &learned, None);
-        learned
+        self.ask(view, 0, &best, None);
+        best
     }
 
-    /// Finds the likeliest explanation, and tells whether it was the last to decide the nodes.
-    fn explain_best(&mut self, view: View<'_>, attempt: &Attempt, start: Learned) -> (Learned, bool) {
+    /// Finds the likeliest explanation, and decides the nodes by it.
+    fn explain_best(&mut self, view: View<'_>, attempt: &Attempt, start: Learned) -> Learned {
         self.divide(view, 0, None);
         if attempt.has_rivals {
             self.start_from_rivals(view, attempt, &start);
         }
         let mut rivals = std::mem::take(&mut self.explanations);
-        let (mut best, mut has_decided) = (None::<Learned>, true);
+        let mut best = None::<Learned>;
         for rival in rivals.drain(..) {
+            if best.is_some() {
+                self.divide(view, 0, None);
+            }
             let learned = self.learn_in_rounds(view, attempt, rival, attempt.rounds - 1, true);
-            has_decided = best.as_ref().is_none_or(|best| learned.nats > best.nats);
-            if has_decided {
+            if best.as_ref().is_none_or(|best| learned.nats > best.nats) {
                 best = Some(learned);
+                self.swap_best();
             }
         }
         self.explanations = rivals;
+        if let Some(best) = best {
+            self.swap_best();
+            return best;
+        }
         // Without a large surface, from what is clear about the start.
-        let best = best.unwrap_or_else(|| self.learn_in_rounds(view, attempt, start, attempt.rounds, false));
-        (best, has_decided)
+        self.learn_in_rounds(view, attempt, start, attempt.rounds, false)
+    }
+
+    /// Exchanges the nodes and their evidence with those of the best explanation.
+    fn swap_best(&mut self) {
+        let Self { nodes, evidence, best_nodes, best_evidence, .. } = self;
+        std::mem::swap(nodes, best_nodes);
+        std::mem::swap(evidence, best_evidence);
     }
 
     /// Lists what the largest surface teaches at each order that it could have.

@@ -30,6 +30,7 @@ use crate::correspondence::kernels::Segments;
 use crate::correspondence::pool::Pool;
 use crate::correspondence::segment::SegmentRow;
 use crate::correspondence::view::View;
+use crate::correspondence::wanted::WantedBlocks;
 use crate::phase::Modulation;
 
 /// Most iterations.
@@ -51,6 +52,7 @@ pub(super) struct TileRow {
     offsets: Vec<f32>,
     parts: Vec<u32>,
     reach: Vec<f32>,
+    wanted: WantedBlocks,
 }
 
 /// Looks at all open pixels of the nodes that have a part. `parts` is the part of each node, [`NONE`] for none, and
@@ -84,7 +86,8 @@ pub(super) fn look(
             return;
         }
         let mut scratch = pool.take();
-        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, reach } = &mut *scratch;
+        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, reach, wanted } =
+            &mut *scratch;
         let first = i * nodes.tile_px;
         let rows = column_px.len() / width;
         orders.clear();
@@ -108,12 +111,18 @@ pub(super) fn look(
         reach.resize(padded, 0.0);
         for row in 0..rows {
             let orders = &orders[row * padded..][..padded];
-            if orders.iter().all(|order| *order == NO_ORDER) {
+            wanted.reset(width);
+            for (block, orders) in orders[..width].chunks(LANES).enumerate() {
+                if orders.iter().fold(false, |any, order| any | (*order != NO_ORDER)) {
+                    wanted.want(block * LANES..(block * LANES + orders.len()));
+                }
+            }
+            if !wanted.any() {
                 continue;
             }
             let v = first + row;
-            view.table.row(v, segments);
-            field.along_row(v, width, along);
+            view.table.row_where(v, wanted, segments);
+            field.along_row_where(v, width, wanted, along);
             let own = v * width..(v + 1) * width;
             for (reach, modulation) in reach.iter_mut().zip(&view.cam1.modulation[own.clone()]) {
                 *reach = reach_turns(view.model, noise, *modulation);

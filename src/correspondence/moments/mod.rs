@@ -194,6 +194,9 @@ pub(super) struct Scratch {
     rivals: Rivals,
     /// What each rival starts with.
     explanations: Vec<Learned>,
+    /// Those of the best explanation so far.
+    best_nodes: Nodes,
+    best_evidence: Evidence,
     fitting: Fitting,
     values: Values,
     sets: DisjointSets,

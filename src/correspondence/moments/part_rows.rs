@@ -9,9 +9,6 @@ use super::nodes::NONE;
 use crate::correspondence::neighbourhood::MAX_STEP;
 use crate::correspondence::view::View;
 
-/// Two that touch each other, and pixels across which the phase goes on from the one to the other, and ends.
-type Touching = ([u32; 2], [u32; 2]);
-
 /// What a row of pixels tells about parts.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PartRow {
@@ -20,9 +17,9 @@ pub(super) struct PartRow {
     /// Parts, and numbers of pixels beside each other in the row.
     pub(super) sizes: Vec<[u32; 2]>,
     /// Parts beside each other whose absolute phases differ, and pixels across which the phase goes on, and ends.
-    pub(super) broken: Vec<Touching>,
-    /// Parts beside gaps, likewise.
-    pub(super) beside: Vec<Touching>,
+    pub(super) broken: Vec<([u32; 2], [u32; 2])>,
+    /// Parts and gaps, and pixels of the part from which the phase goes on into the gap.
+    pub(super) beside: Vec<([u32; 2], u32)>,
 }
 
 impl PartRow {
@@ -48,15 +45,15 @@ impl PartRow {
             if let [part, NONE] | [NONE, part] = pair {
                 let open = if pair[0] == NONE { pixel } else { other };
                 let gap = gaps[usize::from(open / width > v)].gap_of(open);
-                if gap != NONE {
-                    count(beside, [part, gap], breaks::goes_on(view, pixel, other));
+                if gap != NONE && breaks::goes_on(view, pixel, other) == Some(true) {
+                    *pixels_at(beside, [part, gap]) += 1;
                 }
             } else if !differ(pixels.absolute(view, pixel), pixels.absolute(view, other)) {
                 // They belong to one component, within which no break counts.
                 pairs.push(pair);
                 last = pair;
-            } else {
-                count(broken, pair, breaks::goes_on(view, pixel, other));
+            } else if let Some(goes_on) = breaks::goes_on(view, pixel, other) {
+                pixels_at(broken, pair)[usize::from(!goes_on)] += 1;
             }
         };
         let mut begin = 0;
@@ -87,15 +84,13 @@ fn count_of(owner: &[u32], part: u32) -> usize {
     own + owner[own..].iter().take_while(|owner| **owner == part).count()
 }
 
-/// Counts a pixel at which two touch, most often the last ones.
-fn count(touching: &mut Vec<Touching>, pair: [u32; 2], goes_on: Option<bool>) {
-    let Some(goes_on) = goes_on else { return };
+/// What is counted of two that touch, most often the last ones.
+fn pixels_at<T: Default>(touching: &mut Vec<([u32; 2], T)>, pair: [u32; 2]) -> &mut T {
     if touching.last().is_none_or(|(last, _)| *last != pair) {
-        touching.push((pair, [0; 2]));
+        touching.push((pair, T::default()));
     }
-    if let Some((_, pixels)) = touching.last_mut() {
-        pixels[usize::from(!goes_on)] += 1;
-    }
+    let last = touching.len() - 1;
+    &mut touching[last].1
 }
 
 /// Whether two points do not lie on one surface, as points beside each other or in one place of C2 would: their absolute

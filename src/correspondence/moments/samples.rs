@@ -9,7 +9,7 @@
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
-use super::evidence::Question;
+use super::evidence::{Question, pieces_at};
 use super::likelihood::{Sums, radians};
 use super::model::Model;
 use super::nodes::{LABELS, NOTHING, Node, Outlook, Piece};
@@ -20,6 +20,7 @@ use crate::correspondence::epipolar_image::EpipolarImage;
 use crate::correspondence::kernels::{Segments, load};
 use crate::correspondence::segment::{Segment, SegmentRow};
 use crate::correspondence::view::View;
+use crate::correspondence::wanted::WantedBlocks;
 
 /// Most samples of a node.
 const MOST: usize = 2 * LANES;
@@ -81,7 +82,7 @@ pub(super) struct Grid<'a> {
 /// Segments and field of a row of pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Row {
-    pub(super) is_loaded: bool,
+    pub(super) wanted: WantedBlocks,
     pub(super) segments: SegmentRow,
     pub(super) field: DepthRow,
 }
@@ -121,11 +122,8 @@ impl Samples {
         let (half, width) = (0.5 * tile_px as f32, view.cam1.width);
         let middle = |tile: usize| (tile * tile_px) as f32 + half - 0.5;
         let (middle_u, middle_v) = (middle(node.tile as usize), middle(first_row / tile_px));
-        for piece in pieces {
+        for piece in pieces_at(pieces, stride) {
             let v = piece.v as usize;
-            if v % stride != stride / 2 {
-                continue;
-            }
             let row = &rows[v - first_row];
             let begin = piece.begin as usize;
             let first = begin + (stride / 2 + stride - begin % stride) % stride;

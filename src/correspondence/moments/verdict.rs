@@ -151,7 +151,7 @@ impl Verdict {
         breaks.sides.clear();
         breaks.sides.extend(rows.iter().flat_map(|row| &row.beside).map(|&([part, joint], pixels)| {
             let (component, order) = side(part);
-            Side { component, joint, order, pixels: pixels[0] as f32 }
+            Side { component, joint, order, pixels: pixels as f32 }
         }));
         breaks.contacts.clear();
         breaks.contacts.extend(rows.iter().flat_map(|row| &row.broken).map(|&(parts, pixels)| {
