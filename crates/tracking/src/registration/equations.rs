@@ -146,3 +146,25 @@ impl Equations {
         Some((covariance + covariance.transpose()) / 2.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_that_outliers_alone_determine_is_as_good_as_unknown() {
+        // Pairs that determine one parameter each. Beyond 1/√5 of Tukey's limit the robust sum bends the other way.
+        let pair = |parameter: usize, i: u16| {
+            let residual_m = if parameter == 5 { 0.77 * TUKEY_CONSTANT } else { 0.5 };
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let row = Vector6::from_fn(|axis, _| if axis == parameter { 1.0 } else { 0.0 });
+            Pair { residual_m: sign * residual_m, sd_m: 1.0, row, cam1_px: [i, 0] }
+        };
+        let tile = |i: u16| (0..6).flat_map(|parameter| [pair(parameter, i), pair(parameter, i + 1)]).collect();
+        let equations = Equations::new(&(0..20).map(tile).collect::<Vec<_>>(), 1.0);
+        assert!(equations.shows_scatter() && equations.curvature[(5, 5)] < 0.0);
+        let covariance = equations.covariance(&Matrix6::identity()).unwrap();
+        assert!(covariance[(5, 5)] > 1e4 * covariance[(0, 0)], "{covariance}");
+        assert!(covariance.iter().all(|value| value.is_finite()) && covariance[(0, 0)] > 0.0);
+    }
+}
