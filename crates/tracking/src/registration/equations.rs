@@ -156,7 +156,7 @@ mod tests {
         // Pairs that determine one parameter each. Beyond 1/√5 of Tukey's limit the robust sum bends the other way.
         let pair = |parameter: usize, i: u16| {
             let residual_m = if parameter == 5 { 0.77 * TUKEY_CONSTANT } else { 0.5 };
-            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
             let row = Vector6::from_fn(|axis, _| if axis == parameter { 1.0 } else { 0.0 });
             Pair { residual_m: sign * residual_m, sd_m: 1.0, row, cam1_px: [i, 0] }
         };
