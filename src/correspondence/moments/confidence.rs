@@ -1,6 +1,6 @@
 //! The probability that a point is true.
 
-use fringeflow_simd::{Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 
 use super::continuity::NEIGHBOURS;
 use super::decay::decay;
@@ -9,9 +9,6 @@ use super::likelihood::ln;
 /// Log odds of a point for each of its [`Grounds::terms`]: a logistic regression, as `examples/fit_confidence.rs` does it,
 /// to the scenes with even numbers of the first 96 of the list to build with.
 const FACTORS: [f32; CONFIDENCE_TERMS] = [1.08, 0.07, 0.18, 0.18, 4.58, 0.32];
-
-/// Pixels whose log odds are computed at once.
-const BLOCK: usize = 32;
 
 /// Number of factors of the model.
 pub const CONFIDENCE_TERMS: usize = 6;
@@ -93,9 +90,9 @@ impl Kernel for ConfidenceKernel<'_, '_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
         let Self { pixels: OfPart { part, costs_nats, continuing, depths }, confidence } = self;
-        let blocks = costs_nats.chunks(BLOCK).zip(continuing.chunks(BLOCK)).zip(depths.chunks(BLOCK));
-        for (((costs, continuing), depths), confidence) in blocks.zip(confidence.chunks_mut(BLOCK)) {
-            let mut nats = [0.0; BLOCK];
+        let blocks = costs_nats.chunks(LANES).zip(continuing.chunks(LANES)).zip(depths.chunks(LANES));
+        for (((costs, continuing), depths), confidence) in blocks.zip(confidence.chunks_mut(LANES)) {
+            let mut nats = [0.0; LANES];
             let own = nats.iter_mut().zip(costs).zip(continuing).zip(depths);
             for (((nats, &cost_nats), &continuing), &depth) in own {
                 let terms = Grounds { cost_nats, continuing, depth, ..part }.terms();

@@ -47,6 +47,14 @@ pub(super) struct Question<'a> {
     pub(super) is_vertical: bool,
 }
 
+impl Question<'_> {
+    /// Distance of the samples of a node, pixels; `None` if it is not judged.
+    fn stride_of(&self, node: &Node) -> Option<usize> {
+        let stride_px = if node.size_px < MANY_PX { 1 } else { self.stride_px };
+        (node.size_px >= self.min_px).then_some(stride_px)
+    }
+}
+
 /// The moments of a node at one label.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
@@ -90,16 +98,14 @@ impl Evidence {
         all.for_each(&|row, nodes, scores, ranges, fits| {
             let mut tile_row = pool.take();
             let first = row * tile_px;
-            let stride_of = |node: &Node| if node.size_px < MANY_PX { 1 } else { question.stride_px };
-            let asked = nodes.iter().filter(|node| node.size_px >= question.min_px);
-            let sampled = asked.flat_map(|node| pieces_at(&pieces[node.piece_range()], stride_of(node)));
+            let strides = nodes.iter().filter_map(|node| Some((node, question.stride_of(node)?)));
+            let sampled = strides.flat_map(|(node, stride)| pieces_at(&pieces[node.piece_range()], stride));
             tile_row.load(view, field, [first, tile_px], sampled);
             fits.clear();
             for ((node, scores), range) in nodes.iter_mut().zip(scores).zip(ranges) {
                 let begin = fits.len() as u32;
                 node.sampled = 0;
-                if node.size_px >= question.min_px {
-                    let stride = stride_of(node);
+                if let Some(stride) = question.stride_of(node) {
                     let TileRow { rows, samples, listed, sums } = &mut *tile_row;
                     let pieces = &pieces[node.piece_range()];
                     let grid = Grid { runs, node, pieces, stride, tile_px, first_row: first, rows };

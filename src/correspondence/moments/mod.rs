@@ -194,7 +194,7 @@ pub(super) struct Scratch {
     rivals: Rivals,
     /// What each rival starts with.
     explanations: Vec<Learned>,
-    /// Those of the best explanation so far.
+    /// Nodes and evidence of the best explanation so far.
     best_nodes: Nodes,
     best_evidence: Evidence,
     fitting: Fitting,
@@ -268,7 +268,7 @@ impl Scratch {
             grounds.clear();
             grounds.extend((0..count).map(|pixel| match pixels.state[pixel] {
                 INSIDE => Grounds {
-                    cost_nats: verdict.costs_nats(pixel..pixel + 1)[0],
+                    cost_nats: verdict.costs_nats()[pixel],
                     continuing: continuity.of_pixels[pixel],
                     depth: adoption.depths[pixel],
                     ..verdict.grounds_of_part(pixels.owner[pixel])

@@ -136,7 +136,7 @@ impl Foundation<'_> {
         let pixels = first + columns.start..first + columns.end;
         let of_part = OfPart {
             part: self.verdict.grounds_of_part(part),
-            costs_nats: self.verdict.costs_nats(pixels.clone()),
+            costs_nats: &self.verdict.costs_nats()[pixels.clone()],
             continuing: &self.continuing[pixels.clone()],
             depths: &self.depths[pixels],
         };

@@ -12,8 +12,6 @@
 //! The parts of a component were chosen because they fit. So shares and slopes that are good tell no more about it: those
 //! of a wrong component are as good. What remains is where the means lie.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
@@ -315,9 +313,9 @@ impl Verdict {
         Grounds { surface: self.standing_of[part], odds_nats: self.odds_of[part], ..Grounds::default() }
     }
 
-    /// What δ of pixels speaks against their points, nats.
-    pub(super) fn costs_nats(&self, pixels: Range<usize>) -> &[f32] {
-        &self.costs[pixels]
+    /// What δ of each decided pixel speaks against its own point, nats.
+    pub(super) fn costs_nats(&self) -> &[f32] {
+        &self.costs
     }
 
     /// Which parts belong to components that are likelier true than wrong, and of so many pixels at least.

@@ -200,10 +200,10 @@ impl Tracker {
         let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
         let settings = self.settings.registration;
         let rough = self.register_at(&sampled, &known.predict(time_ns), &settings);
-        let found = match &rough {
-            // A surface that leaves part of the pose open is not lost: a second search would leave it open too.
+        let found = match rough {
+            // Where the surface leaves part of the pose open, a second search would leave it open too.
             Ok((reference, found)) => {
-                found.determined(&settings).map(|found| (Tracking::Tracked(found), *reference, found))
+                found.determined(&settings).map(|found| (Tracking::Tracked(found), reference, found))
             }
             Err(_) => self.relocalize(&sampled, &known.model_from_cam1),
         };

@@ -158,8 +158,8 @@ fn judge(
     }
     let Parametrization { centre, radius_m } = found.parametrization;
     let smooth = gradient_covariance(&found.paired, found.scale);
-    let undetermined = Lost::Degenerate { eigenvalue: equations.least_eigenvalue() };
-    let covariance = equations.covariance(&smooth).ok_or(undetermined)?;
+    let least_eigenvalue = equations.least_eigenvalue();
+    let covariance = equations.covariance(&smooth).ok_or(Lost::Degenerate { eigenvalue: least_eigenvalue })?;
     // The parameters are lengths, but the covariance of a pose has its rotation in rad.
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
@@ -170,7 +170,7 @@ fn judge(
         share: found.pairs as f64 / tried.max(1) as f64,
         rms_m,
         excess: found.scale,
-        least_eigenvalue: equations.least_eigenvalue(),
+        least_eigenvalue,
     })
 }
 
