@@ -1,6 +1,6 @@
 //! Lanes as arrays: the reference implementation, which the compiler vectorizes for each level.
 
-use super::{COLUMNS, FourWeights, LANES, Lanes};
+use super::{COLUMNS, FourWeights, HALF, LANES, Lanes};
 
 /// Lanes that work on every computer.
 #[derive(Clone, Copy)]
@@ -269,6 +269,36 @@ impl Lanes for Arrays {
         fn is_at_least_real(self, a: Floats, b: Floats) -> Mask { zip(a, b, |a, b| truth(a >= b)) }
         fn truncate(self, a: Floats) -> Floats { self.floats(self.longs(a)) }
         fn look_up_real(self, table: &[f32], places: Floats) -> Floats { map(places, |place| table[place as usize]) }
+    }
+    #[inline(always)]
+    fn load_halves(self, first: &[f32; HALF], second: &[f32; HALF]) -> Floats {
+        let mut out = [0.0; LANES];
+        out[..HALF].copy_from_slice(first);
+        out[HALF..].copy_from_slice(second);
+        out
+    }
+    #[inline(always)]
+    fn store_halves(self, a: Floats, first: &mut [f32; HALF], second: &mut [f32; HALF]) {
+        first.copy_from_slice(&a[..HALF]);
+        second.copy_from_slice(&a[HALF..]);
+    }
+    #[inline(always)]
+    fn pair_sums(self, a: Floats, b: Floats) -> Floats {
+        let mut out = [0.0; LANES];
+        for k in 0..HALF {
+            out[k] = a[2 * k] + a[2 * k + 1];
+            out[HALF + k] = b[2 * k] + b[2 * k + 1];
+        }
+        out
+    }
+    #[inline(always)]
+    fn doubled(self, a: Floats) -> [Floats; 2] {
+        let mut out = [[0.0; LANES]; 2];
+        for k in 0..LANES {
+            out[0][k] = a[k / 2];
+            out[1][k] = a[HALF + k / 2];
+        }
+        out
     }
     #[inline(always)]
     fn store_reals(self, a: Floats, to: &mut [f32; LANES]) {

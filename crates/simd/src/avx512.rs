@@ -4,7 +4,7 @@
 use std::arch::asm;
 use std::arch::x86_64::*;
 
-use super::{COLUMNS, FourWeights, LANES, Lanes, Level};
+use super::{COLUMNS, FourWeights, HALF, LANES, Lanes, Level};
 
 /// Proof that the processor has AVX-512.
 #[derive(Clone, Copy)]
@@ -415,6 +415,39 @@ impl Lanes for Avx512 {
         let [a, b] = both!(_mm512_min_epu32, both!(_mm512_cvttps_epi32, places), last);
         unsafe {
             [_mm512_i32gather_ps::<4>(a, table.as_ptr().cast()), _mm512_i32gather_ps::<4>(b, table.as_ptr().cast())]
+        }
+    }
+    #[inline(always)]
+    fn load_halves(self, first: &[f32; HALF], second: &[f32; HALF]) -> Pair<__m512> {
+        unsafe { [_mm512_loadu_ps(first.as_ptr()), _mm512_loadu_ps(second.as_ptr())] }
+    }
+    #[inline(always)]
+    fn store_halves(self, [a, b]: Pair<__m512>, first: &mut [f32; HALF], second: &mut [f32; HALF]) {
+        unsafe {
+            _mm512_storeu_ps(first.as_mut_ptr(), a);
+            _mm512_storeu_ps(second.as_mut_ptr(), b);
+        }
+    }
+    #[inline(always)]
+    fn pair_sums(self, [a0, a1]: Pair<__m512>, [b0, b1]: Pair<__m512>) -> Pair<__m512> {
+        unsafe {
+            let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+            let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
+            [
+                _mm512_add_ps(_mm512_permutex2var_ps(a0, even, a1), _mm512_permutex2var_ps(a0, odd, a1)),
+                _mm512_add_ps(_mm512_permutex2var_ps(b0, even, b1), _mm512_permutex2var_ps(b0, odd, b1)),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn doubled(self, [a, b]: Pair<__m512>) -> [Pair<__m512>; 2] {
+        unsafe {
+            let low = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
+            let high = _mm512_add_epi32(low, _mm512_set1_epi32(8));
+            [
+                [_mm512_permutexvar_ps(low, a), _mm512_permutexvar_ps(high, a)],
+                [_mm512_permutexvar_ps(low, b), _mm512_permutexvar_ps(high, b)],
+            ]
         }
     }
     #[inline(always)]

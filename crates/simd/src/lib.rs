@@ -54,6 +54,8 @@ pub use level::Level;
 
 /// Pixels that a kernel processes together.
 pub const LANES: usize = 32;
+/// Half of them.
+pub const HALF: usize = LANES / 2;
 /// Entries of a table, see [`Lanes::table`].
 pub const COLUMNS: usize = 2 * LANES;
 
@@ -270,6 +272,10 @@ pub trait Lanes: Copy {
     fn real(self, value: f32) -> Self::Reals;
     /// Reals from memory.
     fn load_reals(self, reals: &[f32; LANES]) -> Self::Reals;
+    /// Reals from two places in memory.
+    fn load_halves(self, first: &[f32; HALF], second: &[f32; HALF]) -> Self::Reals;
+    /// Stores reals to two places.
+    fn store_halves(self, a: Self::Reals, first: &mut [f32; HALF], second: &mut [f32; HALF]);
     /// Stores reals.
     fn store_reals(self, a: Self::Reals, to: &mut [f32; LANES]);
     /// Bytes as reals.
@@ -304,6 +310,10 @@ pub trait Lanes: Copy {
     fn truncate(self, a: Self::Reals) -> Self::Reals;
     /// The entries of a table at indices given as reals: integers less than its length.
     fn look_up_real(self, table: &[f32], places: Self::Reals) -> Self::Reals;
+    /// The sums of each two neighbouring lanes, first those of a, then those of b.
+    fn pair_sums(self, a: Self::Reals, b: Self::Reals) -> Self::Reals;
+    /// Each lane twice: the first half of the lanes, then the second half.
+    fn doubled(self, a: Self::Reals) -> [Self::Reals; 2];
     /// Stores the low words of reals rounded towards zero; they must be in the range of longs.
     fn store_real_words(self, a: Self::Reals, to: &mut [u16; LANES]);
     /// Stores reals from 0 to 255 as bytes, rounded towards zero.

@@ -1,19 +1,16 @@
 //! The kernel for moving scenes (paper, section 2.1, without motion). In: the samples of a band of rows. Out: their
 //! phase, modulation, mean, validity and motion. Cost: see [`super`].
 //!
-//! The rounds run as a pipeline over rows, so that intermediate results stay in the cache:
+//! The steps run strip by strip, so that intermediate results stay in the cache:
 //!
 //! ```text
-//! for each row v of the band and its surroundings:
-//!     fit row v; motion parts of round 0, as if nothing moved            fit_row
-//!     for round 1, 2 on row v − 2, v − 4:                                move_row
-//!         motion = quotient of the parts of the round before, over 5 × 5 pixels
-//!         motion parts without the ripple that this motion causes        find_parts
-//!     for round 3 on row v − 6:
-//!         motion as above, then phase, modulation, mean and validity     finish
+//! for each strip of the band, four rows, and two rows around it:
+//!     fit each pixel; moments of the fits over cells of 2 × 2 pixels               fit_strip
+//!     for the strip before it, whose surroundings are complete now:                decode_strip
+//!         motion of each cell, from the moments of 3 × 3 cells
+//!         what depends on the motion alone: removal of its ripple, moved shifts
+//!         phase, modulation, mean and validity of each pixel
 //! ```
-//!
-//! A round lags two rows behind the one before because 5 × 5 pixels reach two rows down.
 
 use std::ops::Range;
 
@@ -25,29 +22,28 @@ use crate::phase::map::Modulation;
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 
-use super::estimate::{ColumnSums, MotionParts, REACH};
+use super::cells::{CELL, Moments, STRIP_ROWS, StripCells, sums_around};
+use super::estimate;
 use super::follow::Fits;
 use super::images::Images;
 use super::linear::Fitted;
-use super::motion_histogram::MotionHistogram;
-use super::ripple::{Turns, splat, without_ripple};
+use super::motion_histogram::{MotionHistogram, is_counted};
+use super::moving_cells::MovingCells;
+use super::ripple::Turns;
 
-/// Rounds of motion estimation. The first uses the fit including its ripple; the others remove the ripple of the motion
-/// found before.
-const ROUNDS: usize = 3;
 /// Rows on either side that a phase depends on.
-const HALO: usize = ROUNDS * REACH;
-/// Sizes of the ring buffers of fitted rows and of motion parts.
-const FITTED_ROWS: usize = HALO + 1;
-const PARTS_ROWS: usize = 2 * REACH + 1;
+const HALO: usize = 2;
+/// Strips whose fits are kept, and strips whose cells are kept.
+const FITTED_STRIPS: usize = 2;
+const CELL_STRIPS: usize = 3;
 
 /// Scratch memory of a band, and its statistics.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BandScratch {
     greys: [[f32; LANES]; MAX_IMAGES],
     fitted: Vec<Fitted>,
-    parts: [Vec<MotionParts>; ROUNDS],
-    sums: ColumnSums,
+    cells: [StripCells; CELL_STRIPS],
+    moving: MovingCells,
     pub(super) residuals: Residuals,
     /// Motion of the valid pixels.
     pub(super) motions: MotionHistogram,
@@ -55,9 +51,8 @@ pub(super) struct BandScratch {
 
 impl BandScratch {
     fn resize(&mut self, blocks: usize) {
-        self.fitted.resize_with(FITTED_ROWS * blocks, Fitted::default);
-        self.parts.iter_mut().for_each(|parts| parts.resize_with(PARTS_ROWS * blocks, MotionParts::default));
-        self.sums.resize(blocks);
+        self.fitted.resize_with(FITTED_STRIPS * STRIP_ROWS * blocks, Fitted::default);
+        self.cells.iter_mut().for_each(|cells| cells.clear(blocks));
         self.residuals = Residuals::default();
         self.motions = MotionHistogram::default();
     }
@@ -89,7 +84,7 @@ impl Default for BlockFit {
     }
 }
 
-/// Decodes a band of rows.
+/// Decodes a band of rows, which begins with a strip.
 pub(super) struct Band<'a, 'b, S> {
     pub(super) images: &'a Images<'b, S>,
     pub(super) fits: Fits<'a>,
@@ -104,100 +99,64 @@ impl<S: Sample> Kernel for Band<'_, '_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
-        let height = self.images.height;
         self.scratch.resize(self.images.width.div_ceil(LANES));
         let mut turns = Turns::new(lanes);
-        let extended = |reach: usize| self.rows.start.saturating_sub(reach)..(self.rows.end + reach).min(height);
-        // Rows that each round needs: the later the round, the fewer surrounding rows.
-        let rows: [Range<usize>; ROUNDS + 1] = std::array::from_fn(|round| extended(HALO - round * REACH));
-        for newest in rows[0].start..self.rows.end + HALO {
-            if newest < rows[0].end {
-                self.fit_row(lanes, newest);
-            }
-            for round in 1..=ROUNDS {
-                match newest.checked_sub(round * REACH) {
-                    Some(row) if rows[round].contains(&row) => self.move_row(lanes, row, round, &mut turns),
-                    _ => {}
-                }
+        // Strips are counted from the one before the image, which has no rows.
+        let (first, last) = (self.rows.start / STRIP_ROWS, self.rows.end.div_ceil(STRIP_ROWS) + 1);
+        for strip in first..=last {
+            self.fit_strip(lanes, strip);
+            if strip > first + 1 {
+                self.decode_strip(lanes, strip - 1, &mut turns);
             }
         }
     }
 }
 
 impl<S: Sample> Band<'_, '_, S> {
-    /// Fits a row and computes its motion parts as if nothing moved.
+    /// Fits the rows of a strip that are needed and sets its cells.
     #[inline(always)]
-    fn fit_row<L: Lanes>(&mut self, lanes: L, row: usize) {
-        let all = lanes.mask(u32::MAX);
+    fn fit_strip<L: Lanes>(&mut self, lanes: L, strip: usize) {
+        let needed = self.rows.start.saturating_sub(HALO)..(self.rows.end + HALO).min(self.images.height);
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
-        let fitted = &mut self.scratch.fitted[row % FITTED_ROWS * blocks..][..blocks];
-        let parts = &mut self.scratch.parts[0][row % PARTS_ROWS * blocks..][..blocks];
-        for (b, (fitted, parts)) in fitted.iter_mut().zip(parts).enumerate() {
-            let count = (width - b * LANES).min(LANES);
-            let place = [row * width + b * LANES, count];
-            let (fit, expected_rad) = self.fits.for_block([row, b]);
-            fitted.fit(lanes, self.images, fit, self.validity, place, &mut self.scratch.greys);
-            if fitted.has_motion {
-                let resting = [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple];
-                parts.set(lanes, fitted, resting.map(|sum| splat(lanes, sum.resting)), all, expected_rad);
-            } else {
-                *parts = MotionParts::default();
+        let fitted = &mut self.scratch.fitted[strip % FITTED_STRIPS * STRIP_ROWS * blocks..][..STRIP_ROWS * blocks];
+        for half in 0..STRIP_ROWS / CELL {
+            for block in 0..blocks {
+                let count = (width - block * LANES).min(LANES);
+                let (mut sums, mut expected_rad) = (Moments::zero(lanes), 0.0);
+                for k in half * CELL..(half + 1) * CELL {
+                    let row = (strip * STRIP_ROWS + k).checked_sub(STRIP_ROWS).filter(|row| needed.contains(row));
+                    let Some(row) = row else { continue };
+                    let (fit, expected) = self.fits.for_block([row, block]);
+                    let place = [row * width + block * LANES, count];
+                    let (fitted, greys) = (&mut fitted[k * blocks + block], &mut self.scratch.greys);
+                    sums = sums.plus(lanes, fitted.fit(lanes, self.images, fit, self.validity, place, greys));
+                    expected_rad = expected;
+                }
+                self.scratch.cells[strip % CELL_STRIPS].set(lanes, [half, block], sums, expected_rad);
             }
         }
     }
 
-    /// Computes the motion of a row from the parts of the round before; then the parts of this round or, in the last
-    /// round, the phase.
+    /// Decodes the rows of a strip.
     #[inline(always)]
-    fn move_row<L: Lanes>(&mut self, lanes: L, row: usize, round: usize, turns: &mut Turns<L>) {
+    fn decode_strip<L: Lanes>(&mut self, lanes: L, strip: usize, turns: &mut Turns<L>) {
+        let first = (strip - 1) * STRIP_ROWS;
         let blocks = self.images.width.div_ceil(LANES);
-        self.sum_columns(lanes, row, round - 1);
         for block in 0..blocks {
-            let motion_rad = self.scratch.sums.motion_rad(lanes, self.fits.for_block([row, block]), block);
-            if round < ROUNDS {
-                self.find_parts(lanes, [row, block], round, motion_rad, turns);
-            } else {
-                self.finish(lanes, [row, block], motion_rad, turns);
+            let (fit, expected_rad) = self.fits.for_block([first, block]);
+            let cells = &self.scratch.cells;
+            let strips = [strip - 1, strip, strip + 1];
+            let [above, below] = [&cells[strips[0] % CELL_STRIPS], &cells[strips[2] % CELL_STRIPS]];
+            let moments = sums_around(lanes, [above, &cells[strip % CELL_STRIPS], below], block, expected_rad);
+            let (motion_rad, known) = estimate::motion(lanes, fit, &moments, turns);
+            self.scratch.moving.set(lanes, fit, motion_rad, known, turns);
+            for row in first..(first + STRIP_ROWS).min(self.rows.end) {
+                self.finish(lanes, [row, block]);
             }
         }
     }
 
-    /// Adds up the motion parts of the five rows around `row`.
-    #[inline(always)]
-    fn sum_columns<L: Lanes>(&mut self, lanes: L, row: usize, round: usize) {
-        let blocks = self.images.width.div_ceil(LANES);
-        let (first, last) = (row.saturating_sub(REACH), (row + REACH).min(self.images.height - 1));
-        let mut rows = [[].as_slice(); PARTS_ROWS];
-        for (rows, other) in rows.iter_mut().zip(first..=last) {
-            *rows = &self.scratch.parts[round][other % PARTS_ROWS * blocks..][..blocks];
-        }
-        self.scratch.sums.set(lanes, &rows[..=last - first]);
-    }
-
-    /// Computes the motion parts of a block without the ripple of its motion.
-    #[inline(always)]
-    fn find_parts<L: Lanes>(
-        &mut self,
-        lanes: L,
-        [row, block]: [usize; 2],
-        round: usize,
-        motion_rad: L::Reals,
-        turns: &mut Turns<L>,
-    ) {
-        let ((fit, expected_rad), blocks) = (self.fits.for_block([row, block]), self.images.width.div_ceil(LANES));
-        let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
-        let parts = &mut self.scratch.parts[round][row % PARTS_ROWS * blocks + block];
-        if fitted.has_motion {
-            let (known, angle) = known_motion(lanes, motion_rad);
-            turns.set(lanes, fit.images(), angle);
-            let sums = turns.sums(lanes, [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple]);
-            parts.set(lanes, fitted, sums, known, expected_rad);
-        } else {
-            *parts = MotionParts::default();
-        }
-    }
-
-    /// Computes phase, modulation, mean and validity of a block.
+    /// Computes phase, modulation, mean and validity of a block of known motion.
     ///
     /// ```text
     /// z = fitted z without the ripple that the motion causes
@@ -206,28 +165,27 @@ impl<S: Sample> Band<'_, '_, S> {
     /// store phase, modulation, mean, validity, motion and residual; add the valid pixels to the statistics
     /// ```
     #[inline(always)]
-    fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2], motion_rad: L::Reals, turns: &mut Turns<L>) {
+    fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2]) {
         let l = lanes;
         let ((fit, _), followed_rad) = (self.fits.for_block([row, block]), self.fits.followed_rad([row, block]));
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let count = (width - block * LANES).min(LANES);
-        let fitted = &self.scratch.fitted[row % FITTED_ROWS * blocks + block];
-        // z without ripple, and the residual of the sinusoid that moves like this.
-        let (known, angle) = known_motion(l, motion_rad);
-        turns.set(l, fit.images(), angle);
-        let responses = turns.sums(l, [&fit.fine.direct, &fit.fine.ripple]);
-        let z = [l.load_reals(&fitted.phase_z[0]), l.load_reals(&fitted.phase_z[1])];
-        let (z, has_contrast) = without_ripple(l, responses, z);
+        let moving = self.scratch.moving.row(row % STRIP_ROWS / CELL);
+        let strip = row / STRIP_ROWS + 1;
+        let fitted = (strip % FITTED_STRIPS * STRIP_ROWS + row % STRIP_ROWS) * blocks + block;
+        let fitted = &self.scratch.fitted[fitted];
+        let z = moving.without_ripple(l, [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])]);
         let place = [row * width + block * LANES, count];
-        let [offset, residual] = turns.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
+        let [offset, residual] = moving.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
         let [re, im] = z;
         let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));
         let fits = l.is_at_least_real(l.times_real(l.real(self.validity.max_residual_share), modulation), residual);
-        let valid = l.and(l.and(known, has_contrast), l.and(is_lit, fits));
+        let valid = l.and(moving.is_determined(l), l.and(is_lit, fits));
         let valid = l.and(valid, l.mask(first_lanes(count)));
         let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
         let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
+        let motion_rad = moving.motion_rad(l);
         let block_fit = &mut self.planes.block_fits[(row - self.rows.start) * blocks + block];
         l.store_reals(l.add_real(motion_rad, l.real(followed_rad)), &mut block_fit.motion_rad);
         l.store_reals(residual, &mut block_fit.residual);
@@ -238,10 +196,12 @@ impl<S: Sample> Band<'_, '_, S> {
         l.store_real_bytes(mean, &mut decoded.mean);
         l.store_mask(valid, &mut decoded.valid);
         decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
-        // Statistics use the rounded modulation, as every later reader of the map does.
-        let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
-        self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
-        self.scratch.motions.add_block(l, motion_rad, l.bits(valid));
+        if is_counted(row) {
+            // Statistics use the rounded modulation, as every later reader of the map does.
+            let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
+            self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
+            self.scratch.motions.add_block(l, motion_rad, l.bits(valid));
+        }
     }
 }
 
@@ -275,13 +235,6 @@ impl DecodedBlock {
             valid.copy_from_slice(&self.valid[..count]);
         }
     }
-}
-
-/// Mask of known motions, and the motions with 0 in place of unknown ones.
-#[inline(always)]
-fn known_motion<L: Lanes>(lanes: L, motion_rad: L::Reals) -> (L::Mask, L::Reals) {
-    let known = lanes.is_greater_real(lanes.real(f32::INFINITY), lanes.abs_real(motion_rad));
-    (known, lanes.select_real(known, motion_rad, lanes.real(0.0)))
 }
 
 /// Angles of complex numbers, in turns · 65536 before truncation; see [`crate::phase::arctangent::turn_fraction`].

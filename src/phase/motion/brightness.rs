@@ -40,14 +40,14 @@ const PITCH: usize = 48;
 /// Pixels of a block.
 const PIXELS: usize = BLOCK * BLOCK;
 const _: () = assert!(2 * BLOCK == LANES, "two rows are loaded at a time");
-/// Partial sums over pixels. Their number is fixed on all machines, so that the rounding is the same.
-const PARTS: usize = 8;
+/// Numbers of the fit that are needed here: A, Re z, Im z, Re z' and Im z'.
+const FITTED: usize = 5;
 /// Share of the mean diagonal added to the diagonal of the normal matrix: an undetermined γ stays zero.
 const RIDGE: f64 = 1e-4;
 /// Largest γ that is compensated. More is not a drift.
 const LARGEST: f64 = 0.3;
 /// Residual ÷ modulation from which on a pixel counts as an edge and is ignored.
-const EDGE_SHARE: f64 = 0.25;
+const EDGE_SHARE: f32 = 0.25;
 /// Rounds of linearized least squares.
 const ROUNDS: usize = 2;
 
@@ -142,25 +142,14 @@ fn deviations<S: Sample>(
 }
 
 /// One number per pixel of a block.
-type Plane = [f64; PIXELS];
+type Plane = [[f32; LANES]; PIXELS / LANES];
 
 /// Samples of a block and their fit.
+#[derive(Default)]
 struct BlockSamples {
     greys: [Plane; MAX_IMAGES],
-    /// 1 where no sample is saturated, 0 elsewhere.
-    unsaturated: Plane,
-    /// A, Re z, Im z, Re z' and Im z'.
-    fitted: [Plane; 5],
-    squares: Plane,
     /// A, Re z and Im z of pixels that are well lit and not at an edge, otherwise 0.
     kept: [Plane; 3],
-}
-
-impl Default for BlockSamples {
-    fn default() -> Self {
-        let plane = [0.0; PIXELS];
-        Self { greys: [plane; MAX_IMAGES], unsaturated: plane, fitted: [plane; 5], squares: plane, kept: [plane; 3] }
-    }
 }
 
 /// Adds the normal equations of a block, without its motion, to the sums.
@@ -188,17 +177,22 @@ impl<S: Sample> Kernel for Block<'_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
+        let l = lanes;
         let Self { images, fit, projector, samples, sums, .. } = self;
-        samples.load(lanes, images, self.first);
-        samples.fit(fit);
-        let [slope, power] = samples.keep(fit, self.validity);
+        let [slope, power] = samples.load(lanes, images, fit, self.validity, self.first);
         let motion_rad = if power > 0.0 { fit.motion_rad((slope / power) as f32) } else { f32::NAN };
         if motion_rad.is_nan() {
             return;
         }
         let [offset, re, im] = &samples.kept;
-        let [oo, or, oi, rr, ri, ii] =
-            [(offset, offset), (offset, re), (offset, im), (re, re), (re, im), (im, im)].map(|(a, b)| dot(a, b));
+        let [oo, or, oi, rr, ri, ii] = [
+            dot(l, offset, offset),
+            dot(l, offset, re),
+            dot(l, offset, im),
+            dot(l, re, re),
+            dot(l, re, im),
+            dot(l, im, im),
+        ];
         // The model of image i at a pixel is A + cos·Re z − sin·Im z. Sums over pixels of a model times anything follow
         // from the moments of A, Re z and Im z, so no loop below runs over pixels.
         let mut models = [[0.0; 2]; MAX_IMAGES];
@@ -211,9 +205,9 @@ impl<S: Sample> Kernel for Block<'_, S> {
             let [cos, sin] = [moved.cos() - shift.cos(), moved.sin() - shift.sin()];
             let grey = &samples.greys[i];
             still_moments[i] = [
-                dot(offset, grey) - (or * cos - oi * sin),
-                dot(re, grey) - (rr * cos - ri * sin),
-                dot(im, grey) - (ri * cos - ii * sin),
+                dot(l, offset, grey) - (or * cos - oi * sin),
+                dot(l, re, grey) - (rr * cos - ri * sin),
+                dot(l, im, grey) - (ri * cos - ii * sin),
             ];
         }
         for (i, row) in projector.iter().enumerate() {
@@ -232,98 +226,82 @@ impl<S: Sample> Kernel for Block<'_, S> {
 }
 
 impl BlockSamples {
-    /// Loads the grey levels of a block, two rows at a time.
+    /// Loads the grey levels of a block, two rows at a time, and fits them. Keeps the pixels that are well lit and not at
+    /// an edge, and returns their `Σ Im(z'·z*)` and `Σ |z|²`.
     #[inline(always)]
-    fn load<L: Lanes, S: Sample>(&mut self, lanes: L, images: &Images<'_, S>, first: usize) {
+    fn load<L: Lanes, S: Sample>(
+        &mut self,
+        lanes: L,
+        images: &Images<'_, S>,
+        fit: &MotionFit,
+        validity: &Validity,
+        first: usize,
+    ) -> [f64; 2] {
         let l = lanes;
+        let least = 4.0 * validity.min_modulation_grey * validity.min_modulation_grey;
+        let edge = EDGE_SHARE * EDGE_SHARE * images.count as f32;
+        let (mut slope, mut power) = (l.real(0.0), l.real(0.0));
         for pair in 0..PIXELS / LANES {
-            let mut greatest = l.word(0);
-            for image in 0..images.count {
+            let (mut fitted, mut greatest) = ([l.real(0.0); FITTED], l.word(0));
+            for (image, weights) in fit.weights.iter().enumerate() {
                 let mut samples = [S::default(); LANES];
                 for (row, samples) in samples.chunks_exact_mut(BLOCK).enumerate() {
                     let begin = first + (2 * pair + row) * images.width;
                     samples.copy_from_slice(&images.samples_from(image, begin)[..BLOCK]);
                 }
                 greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &samples)));
-                let mut greys = [0.0; LANES];
-                l.store_reals(l.times_real(S::reals(l, &samples), l.real(images.grey_per_value[image])), &mut greys);
-                let to = &mut self.greys[image][pair * LANES..][..LANES];
-                for (to, grey) in to.iter_mut().zip(greys) {
-                    *to = f64::from(grey);
+                let grey = l.times_real(S::reals(l, &samples), l.real(images.grey_per_value[image]));
+                l.store_reals(grey, &mut self.greys[image][pair]);
+                let mut k = 0;
+                while k < FITTED {
+                    fitted[k] = l.add_real(fitted[k], l.times_real(grey, l.real(weights[k])));
+                    k += 1;
                 }
             }
-            let saturated = l.bits(images.saturates(l, greatest));
-            let to = &mut self.unsaturated[pair * LANES..][..LANES];
-            to.iter_mut().enumerate().for_each(|(k, to)| *to = f64::from(!saturated >> k & 1));
-        }
-    }
-
-    /// Fits every pixel and sums its squared residuals.
-    #[inline(always)]
-    fn fit(&mut self, fit: &MotionFit) {
-        self.fitted = [[0.0; PIXELS]; 5];
-        self.squares = [0.0; PIXELS];
-        for (i, weights) in fit.weights.iter().enumerate() {
-            let grey = &self.greys[i];
-            for (fitted, &weight) in self.fitted.iter_mut().zip(weights) {
-                let weight = f64::from(weight);
-                for p in 0..PIXELS {
-                    fitted[p] += grey[p] * weight;
-                }
+            let [offset, re, im, re_slope, im_slope] = fitted;
+            let mut squares = l.real(0.0);
+            for (image, &[cos, sin]) in fit.turns.iter().enumerate() {
+                let (grey, t) = (l.load_reals(&self.greys[image][pair]), l.real(time(image, images.count) as f32));
+                let re = l.add_real(re, l.times_real(t, re_slope));
+                let im = l.add_real(im, l.times_real(t, im_slope));
+                let model = l.sub_real(l.times_real(re, l.real(cos)), l.times_real(im, l.real(sin)));
+                let residual = l.sub_real(l.sub_real(grey, offset), model);
+                squares = l.add_real(squares, l.times_real(residual, residual));
             }
+            let square = l.add_real(l.times_real(re, re), l.times_real(im, im));
+            let is_lit = l.is_at_least_real(square, l.real(least));
+            let is_good = l.and(is_lit, l.is_greater_real(l.times_real(l.real(edge), square), squares));
+            let is_kept = l.and_not(is_good, images.saturates(l, greatest));
+            let zero = l.real(0.0);
+            l.store_reals(l.select_real(is_kept, offset, zero), &mut self.kept[0][pair]);
+            l.store_reals(l.select_real(is_kept, re, zero), &mut self.kept[1][pair]);
+            l.store_reals(l.select_real(is_kept, im, zero), &mut self.kept[2][pair]);
+            let turned = l.sub_real(l.times_real(im_slope, re), l.times_real(re_slope, im));
+            slope = l.add_real(slope, l.select_real(is_kept, turned, zero));
+            power = l.add_real(power, l.select_real(is_kept, square, zero));
         }
-        let images = fit.images();
-        let [offset, re, im, a, b] = &self.fitted;
-        for (i, turn) in fit.turns.iter().enumerate() {
-            let (grey, [cos, sin], t) = (&self.greys[i], turn.map(f64::from), time(i, images));
-            for p in 0..PIXELS {
-                let residual = grey[p] - offset[p] - (re[p] + t * a[p]) * cos + (im[p] + t * b[p]) * sin;
-                self.squares[p] += residual * residual;
-            }
-        }
-    }
-
-    /// Keeps the pixels that are well lit and not at an edge. Returns their `Σ Im(z'·z*)` and `Σ |z|²`.
-    #[inline(always)]
-    fn keep(&mut self, fit: &MotionFit, validity: &Validity) -> [f64; 2] {
-        let least = 2.0 * f64::from(validity.min_modulation_grey);
-        let edge = EDGE_SHARE * EDGE_SHARE * fit.images() as f64;
-        let [offset, re, im, a, b] = &self.fitted;
-        let (mut slope, mut power) = ([0.0; PIXELS], [0.0; PIXELS]);
-        for p in 0..PIXELS {
-            let square = re[p] * re[p] + im[p] * im[p];
-            let is_good = square >= least * least && self.squares[p] < edge * square;
-            let kept = if is_good { self.unsaturated[p] } else { 0.0 };
-            self.kept[0][p] = kept * offset[p];
-            self.kept[1][p] = kept * re[p];
-            self.kept[2][p] = kept * im[p];
-            slope[p] = kept * (b[p] * re[p] - a[p] * im[p]);
-            power[p] = kept * square;
-        }
-        [sum(&slope), sum(&power)]
+        [sum(l, slope), sum(l, power)]
     }
 }
 
 /// Σ a·b.
 #[inline(always)]
-fn dot(a: &Plane, b: &Plane) -> f64 {
-    let mut parts = [0.0; PARTS];
-    for first in (0..PIXELS).step_by(PARTS) {
-        for k in 0..PARTS {
-            parts[k] += a[first + k] * b[first + k];
-        }
+fn dot<L: Lanes>(lanes: L, a: &Plane, b: &Plane) -> f64 {
+    let mut products = lanes.real(0.0);
+    for (a, b) in a.iter().zip(b) {
+        products = lanes.add_real(products, lanes.times_real(lanes.load_reals(a), lanes.load_reals(b)));
     }
-    parts.iter().sum()
+    sum(lanes, products)
 }
 
-/// Σ a.
+/// Sum of the lanes.
 #[inline(always)]
-fn sum(a: &Plane) -> f64 {
-    let mut parts = [0.0; PARTS];
-    for first in (0..PIXELS).step_by(PARTS) {
-        for k in 0..PARTS {
-            parts[k] += a[first + k];
-        }
+fn sum<L: Lanes>(lanes: L, reals: L::Reals) -> f64 {
+    let mut parts = [0.0; LANES];
+    lanes.store_reals(reals, &mut parts);
+    let mut sum = 0.0;
+    for part in parts {
+        sum += f64::from(part);
     }
-    parts.iter().sum()
+    sum
 }

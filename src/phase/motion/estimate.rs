@@ -1,139 +1,109 @@
-//! Motion of every pixel, averaged over 5 × 5 pixels. In: fits. Out: phase motion, rad per image. Cost: some fifty
-//! operations per pixel.
+//! Motion of the cells. In: moments. Out: phase motion, rad per image. Cost: some three hundred operations per cell.
 //!
-//! The motion is `Σ w·Im(z'·z*) / Σ w·|z|²`, corrected by a table for large motions. Pixels at edges have little weight
-//! w.
+//! With the true z of a cell, the fit yields `w = H·z + G·z*` in place of z and `w' = H'·z + S·z*` in place of z', where
+//! H, G, H' and S depend on the motion ε. If ε is roughly known, `Σ Im((w' − S·z*)·(H·z)*) / Σ |H·z|²` is the slope
+//! `Im(H'/H)`, and a table turns it into ε. Both sums follow from the moments of w and w':
+//!
+//! ```text
+//! ε = table(Σ Im(w'·w*) / Σ |w|²)                               as if there were no ripple
+//! twice, with the responses H, G and S at ε, D = |H|² − |G|², V = |H|²·(H·Σw²* − 2·G*·Σ|w|²) + (H·G)*·G*·Σw²:
+//!     ε = table( (D·Im(|H|²·Σw'w* − (H·G)*·Σw'w) − Im(S·V)) / (|H|²·((|H|² + |G|²)·Σ|w|² − 2·Re(H·G·Σw²*))) )
+//! ```
 
-use fringeflow_simd::{LANES, Lanes};
+use fringeflow_simd::Lanes;
 
+use super::cells::Moments;
 use super::fit::{MOTIONS, MotionFit, TABLE};
-use super::linear::Fitted;
-use super::ripple::{Complexes, product, without_ripple};
+use super::ripple::{Complexes, MIN_CONTRAST, Turns, product};
 
-/// Pixels averaged on either side.
-pub(super) const REACH: usize = 2;
+/// Refinements of the motion.
+const ROUNDS: usize = 2;
 
-/// Weighted `Im(z'·z*)` and `|z|²` of 32 pixels, without ripple.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct MotionParts {
-    slope: [f32; LANES],
-    power: [f32; LANES],
-}
-
-impl Default for MotionParts {
-    fn default() -> Self {
-        Self { slope: [0.0; LANES], power: [0.0; LANES] }
-    }
-}
-
-impl MotionParts {
-    /// Sets the parts of fitted pixels. The responses at their motion are H, G and that of z' to the conjugate of z.
-    #[inline(always)]
-    pub(super) fn set<L: Lanes>(
-        &mut self,
-        lanes: L,
-        fitted: &Fitted,
-        [direct, ripple, slope_ripple]: [Complexes<L>; 3],
-        known: L::Mask,
-        expected_rad: f32,
-    ) {
-        let l = lanes;
-        let z = [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])];
-        let ([x, y], has_contrast) = without_ripple(l, [direct, ripple], z);
-        // Remove the ripple of z', and use H·z instead of z: both then respond alike to the motion, and only the
-        // quotient matters.
-        let [re, im] = product(l, direct, [x, y]);
-        let [c, d] = slope_ripple;
-        let re_ripple = l.add_real(l.times_real(c, x), l.times_real(d, y));
-        let im_ripple = l.sub_real(l.times_real(d, x), l.times_real(c, y));
-        let re_clean = l.sub_real(l.load_reals(&fitted.slope[0]), re_ripple);
-        let im_clean = l.sub_real(l.load_reals(&fitted.slope[1]), im_ripple);
-        let weight = l.select_real(l.and(known, has_contrast), l.load_reals(&fitted.weight), l.real(0.0));
-        let power = l.times_real(weight, l.add_real(l.times_real(re, re), l.times_real(im, im)));
-        let slope = l.times_real(weight, l.sub_real(l.times_real(im_clean, re), l.times_real(re_clean, im)));
-        // Neighbours may follow another motion. Only deviations from the expected motion are comparable.
-        let slope = l.sub_real(slope, l.times_real(power, l.real(expected_rad)));
-        l.store_reals(power, &mut self.power);
-        l.store_reals(slope, &mut self.slope);
-    }
-}
-
-/// Column sums of motion parts over some rows, with `REACH` zeros on either side.
-#[derive(Clone, Debug, Default)]
-pub(super) struct ColumnSums {
-    slopes: Vec<f32>,
-    powers: Vec<f32>,
-}
-
-impl ColumnSums {
-    /// Makes room for rows of `blocks` blocks.
-    pub(super) fn resize(&mut self, blocks: usize) {
-        for sums in [&mut self.slopes, &mut self.powers] {
-            sums.clear();
-            sums.resize(blocks * LANES + 2 * REACH, 0.0);
-        }
-    }
-
-    /// Adds up the parts of rows, each a slice of blocks.
-    #[inline(always)]
-    pub(super) fn set<L: Lanes>(&mut self, lanes: L, rows: &[&[MotionParts]]) {
-        let l = lanes;
-        let Some((first, others)) = rows.split_first() else { return };
-        let (slopes, _) = self.slopes[REACH..].as_chunks_mut();
-        let (powers, _) = self.powers[REACH..].as_chunks_mut();
-        for (b, (parts, (slopes, powers))) in first.iter().zip(slopes.iter_mut().zip(powers)).enumerate() {
-            let (mut slope, mut power) = (l.load_reals(&parts.slope), l.load_reals(&parts.power));
-            for row in others {
-                slope = l.add_real(slope, l.load_reals(&row[b].slope));
-                power = l.add_real(power, l.load_reals(&row[b].power));
-            }
-            l.store_reals(slope, slopes);
-            l.store_reals(power, powers);
-        }
-    }
-
-    /// Motion of the pixels of a block beyond the followed motion, rad per image; NaN where it is unknown or too fast.
-    #[inline(always)]
-    pub(super) fn motion_rad<L: Lanes>(
-        &self,
-        lanes: L,
-        (fit, expected_rad): (&MotionFit, f32),
-        block: usize,
-    ) -> L::Reals {
-        let l = lanes;
-        let (slope, power) = (sum_around(l, &self.slopes, block), sum_around(l, &self.powers, block));
-        let unknown = l.real(f32::NAN);
-        let is_known = l.is_greater_real(power, l.real(0.0));
-        if l.bits(is_known) == 0 {
-            return unknown;
-        }
-        // Linear interpolation in the table of the sign of the motion.
-        let slope = l.add_real(l.over_real(slope, power), l.real(expected_rad));
-        let is_ahead = l.is_at_least_real(slope, l.real(0.0));
-        let limit = l.select_real(is_ahead, l.real(fit.limits[0]), l.real(fit.limits[1]));
-        let place = l.times_real(l.over_real(l.abs_real(slope), limit), l.real(TABLE as f32));
-        let below = l.truncate(l.min_real(place, l.real(TABLE as f32)));
-        let entry = l.select_real(is_ahead, below, l.add_real(below, l.real(MOTIONS as f32)));
-        let low = l.look_up_real(&fit.motions_rad, entry);
-        let high = l.look_up_real(&fit.motions_rad[1..], entry);
-        let motion = l.add_real(low, l.times_real(l.sub_real(high, low), l.sub_real(place, below)));
-        let motion = l.select_real(is_ahead, motion, l.sub_real(l.real(0.0), motion));
-        let is_known = l.and(is_known, l.is_greater_real(l.real(TABLE as f32), below));
-        l.select_real(is_known, motion, unknown)
-    }
-}
-
-/// Sums over the `2 · REACH + 1` columns around each pixel of a block.
+/// Motion of cells, rad per image, and a mask of the cells where it is known: not too fast, and with moments.
 #[inline(always)]
-fn sum_around<L: Lanes>(lanes: L, values: &[f32], block: usize) -> L::Reals {
-    let values = &values[block * LANES..][..LANES + 2 * REACH];
-    let mut sum = lanes.real(0.0);
-    let mut k = 0;
-    while k < 2 * REACH + 1 {
-        if let Some(shifted) = values[k..].first_chunk() {
-            sum = lanes.add_real(sum, lanes.load_reals(shifted));
-        }
-        k += 1;
+pub(super) fn motion<L: Lanes>(
+    lanes: L,
+    fit: &MotionFit,
+    moments: &Moments<L>,
+    turns: &mut Turns<L>,
+) -> (L::Reals, L::Mask) {
+    let l = lanes;
+    let mut known = l.is_greater_real(moments.power, l.real(0.0));
+    let mut motion_rad = l.real(0.0);
+    if l.bits(known) == 0 {
+        return (motion_rad, known);
     }
-    sum
+    let (mut slope, mut power) = (moments.slope, moments.power);
+    let mut round = 0;
+    loop {
+        let (found_rad, is_slow) = from_table(l, fit, l.over_real(slope, power));
+        known = l.and(known, is_slow);
+        motion_rad = l.select_real(known, found_rad, l.real(0.0));
+        if round == ROUNDS {
+            return (motion_rad, known);
+        }
+        turns.set(l, fit.images(), motion_rad);
+        let responses = turns.sums(l, [&fit.rough.direct, &fit.rough.ripple, &fit.slope_ripple]);
+        let has_contrast;
+        ([slope, power], has_contrast) = without_ripple(l, moments, responses);
+        known = l.and(known, has_contrast);
+        round += 1;
+    }
+}
+
+/// Numerator and denominator of the slope without ripple, and a mask of the cells where z can be told from its ripple.
+#[inline(always)]
+fn without_ripple<L: Lanes>(
+    lanes: L,
+    moments: &Moments<L>,
+    [direct, ripple, slope_ripple]: [Complexes<L>; 3],
+) -> ([L::Reals; 2], L::Mask) {
+    let l = lanes;
+    let Moments { power, square: [square_re, square_im], slope, product: [product_re, product_im] } = *moments;
+    let ([a, b], [c, d], [e, f]) = (direct, ripple, slope_ripple);
+    let direct_square = norm(l, direct);
+    let ripple_square = norm(l, ripple);
+    let contrast = l.sub_real(direct_square, ripple_square);
+    let [p, q] = product(l, direct, ripple);
+    // (|H|² + |G|²)·Σ|w|² − 2·Re(H·G·Σw²*).
+    let crossed = l.add_real(l.times_real(p, square_re), l.times_real(q, square_im));
+    let plain = l.times_real(l.add_real(direct_square, ripple_square), power);
+    let denominator = l.times_real(direct_square, l.sub_real(plain, l.add_real(crossed, crossed)));
+    // Im(|H|²·Σw'w* − (H·G)*·Σw'w).
+    let turned = l.sub_real(l.times_real(p, product_im), l.times_real(q, product_re));
+    let kept = l.times_real(contrast, l.sub_real(l.times_real(direct_square, slope), turned));
+    // H·Σw²* − 2·G*·Σ|w|², and G*·Σw².
+    let twice = l.add_real(power, power);
+    let re = l.add_real(l.times_real(a, square_re), l.times_real(b, square_im));
+    let im = l.sub_real(l.times_real(b, square_re), l.times_real(a, square_im));
+    let re = l.times_real(direct_square, l.sub_real(re, l.times_real(twice, c)));
+    let im = l.times_real(direct_square, l.add_real(im, l.times_real(twice, d)));
+    let x = l.add_real(l.times_real(c, square_re), l.times_real(d, square_im));
+    let y = l.sub_real(l.times_real(c, square_im), l.times_real(d, square_re));
+    let re = l.add_real(re, l.add_real(l.times_real(p, x), l.times_real(q, y)));
+    let im = l.add_real(im, l.sub_real(l.times_real(p, y), l.times_real(q, x)));
+    let ripple = l.add_real(l.times_real(e, im), l.times_real(f, re));
+    ([l.sub_real(kept, ripple), denominator], l.is_at_least_real(contrast, l.real(MIN_CONTRAST)))
+}
+
+/// |z|².
+#[inline(always)]
+fn norm<L: Lanes>(lanes: L, [re, im]: Complexes<L>) -> L::Reals {
+    lanes.add_real(lanes.times_real(re, re), lanes.times_real(im, im))
+}
+
+/// Motion of slopes, by linear interpolation in the table of their sign, and a mask of the slopes in its range.
+#[inline(always)]
+fn from_table<L: Lanes>(lanes: L, fit: &MotionFit, slope: L::Reals) -> (L::Reals, L::Mask) {
+    let l = lanes;
+    let is_ahead = l.is_at_least_real(slope, l.real(0.0));
+    let limit = l.select_real(is_ahead, l.real(fit.limits[0]), l.real(fit.limits[1]));
+    let place = l.times_real(l.over_real(l.abs_real(slope), limit), l.real(TABLE as f32));
+    let below = l.truncate(l.min_real(place, l.real(TABLE as f32)));
+    let entry = l.select_real(is_ahead, below, l.add_real(below, l.real(MOTIONS as f32)));
+    let low = l.look_up_real(&fit.motions_rad, entry);
+    let high = l.look_up_real(&fit.motions_rad[1..], entry);
+    let motion_rad = l.add_real(low, l.times_real(l.sub_real(high, low), l.sub_real(place, below)));
+    let motion_rad = l.select_real(is_ahead, motion_rad, l.sub_real(l.real(0.0), motion_rad));
+    (motion_rad, l.is_greater_real(l.real(TABLE as f32), below))
 }

@@ -18,7 +18,7 @@ use crate::phase::shifts::ShiftError;
 
 use super::brightness_plan::BrightnessEqualization;
 use super::complement::unexplained;
-use super::image_times::{runs, side, time};
+use super::image_times::{pair, runs, side, time};
 
 /// Unknowns of the linear fit: A, real and imaginary part of z and z', and A'.
 const UNKNOWNS: usize = 6;
@@ -72,8 +72,6 @@ pub struct MotionFit {
     noise_gain: f32,
     /// For equalizing the brightness of the images.
     pub(super) equalization: Option<BrightnessEqualization>,
-    /// Time (images) and phase shift (rad) of each image.
-    pub(super) moments: Vec<[f32; 2]>,
     /// First and last images of the runs that may show a single surface, the longest first.
     pub(super) runs: Vec<[usize; 2]>,
 }
@@ -90,25 +88,21 @@ pub(super) struct Response {
 /// A sum `Σ c_i·e^(±iεt_i)` over the images, evaluated from the turns `e^(iε|t_i|)`.
 #[derive(Clone, Debug)]
 pub(super) struct TurnedSum {
-    /// Re c, ±Im c, ±Re c and Im c of each image. The signs combine those of its time and of the exponent.
+    /// For each pair of images at the same distance from the centre: factors of its cosine and sine in the real part of
+    /// the sum, then in the imaginary part.
     pub(super) factors: Vec<[f32; 4]>,
-    /// The sum for ε = 0.
-    pub(super) resting: Complex,
 }
 
 impl TurnedSum {
-    fn new(coefficients: &[[f64; 2]], sense: f32) -> Self {
+    fn new(coefficients: &[[f64; 2]], sense: f64) -> Self {
         let images = coefficients.len();
-        let factors: Vec<[f32; 4]> = coefficients
-            .iter()
-            .enumerate()
-            .map(|(i, &coefficient)| {
-                let ([re, im], sign) = (coefficient.map(|part| part as f32), sense * side(i, images));
-                [re, sign * im, sign * re, im]
-            })
-            .collect();
-        let resting = [0, 3].map(|part| factors.iter().map(|factor| factor[part]).sum());
-        Self { factors, resting }
+        let mut factors = vec![[0.0; 4]; images.div_ceil(2)];
+        for (i, [re, im]) in coefficients.iter().enumerate() {
+            let sign = sense * f64::from(side(i, images));
+            let factors = &mut factors[pair(i, images)];
+            factors.iter_mut().zip([*re, -sign * im, *im, sign * re]).for_each(|(factor, part)| *factor += part);
+        }
+        Self { factors: factors.into_iter().map(|factors| factors.map(|factor| factor as f32)).collect() }
     }
 }
 
@@ -187,7 +181,6 @@ impl MotionFit {
             weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
             noise_gain: noise_gain as f32,
             equalization: BrightnessEqualization::new(shifts_rad),
-            moments: (0..images).map(|i| [time(i, images) as f32, shifts_rad[i] as f32]).collect(),
             runs: runs(images),
             shifts_rad: shifts_rad.to_vec(),
         })

@@ -15,6 +15,16 @@ pub(super) fn side(image: usize, images: usize) -> f32 {
     if image < images / 2 { -1.0 } else { 1.0 }
 }
 
+/// Index of the pair of images at the same distance from the centre of the window, starting with the nearest.
+pub(super) fn pair(image: usize, images: usize) -> usize {
+    let middle = images / 2;
+    match (image < middle, images.is_multiple_of(2)) {
+        (true, true) => middle - 1 - image,
+        (true, false) => middle - image,
+        (false, _) => image - middle,
+    }
+}
+
 /// Runs of images that include the centre of the window and have a residual, the longest first.
 pub(super) fn runs(images: usize) -> Vec<[usize; 2]> {
     let has_centre = |first: usize, last: usize| 2 * first < images && 2 * last + 2 > images;

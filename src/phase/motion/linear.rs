@@ -1,10 +1,11 @@
-//! The linear fit of 32 pixels. In: samples. Out: A, z, z' and a weight for the motion. Cost: eight multiply-adds per
-//! sample, and one more for each further residual.
+//! The linear fit of 32 pixels. In: samples. Out: A and z of the phase, and the weighted products of z and z' that show
+//! the motion. Cost: eight multiply-adds per sample, and one more for each further residual.
 //!
 //! ```text
 //! for each image i:  sums += weights[i] · grey level          A, z, z', z for the phase, first residual
 //! squares = (first residual)² + Σ (further residual)²         what no motion explains: an edge
 //! weight = half / (half + squares), half = (0.1·|z|)²         0 for dark pixels, 1e-3 of it for saturated ones
+//! moments = weight · (|z|², z², Im(z'·z*), z'·z)
 //! ```
 
 use fringeflow_base::limits::MAX_IMAGES;
@@ -13,44 +14,24 @@ use fringeflow_simd::{LANES, Lanes, first_lanes};
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
+use super::cells::Moments;
 use super::fit::{MotionFit, SUMS};
 use super::images::Images;
 
 /// Fitted values of 32 pixels, grey levels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Fitted {
     /// Offset A.
     pub(super) offset: [f32; LANES],
-    /// z and z' of the fit without A', including ripple.
-    pub(super) z: [[f32; LANES]; 2],
-    pub(super) slope: [[f32; LANES]; 2],
     /// z of the fit for the phase, including ripple.
-    pub(super) phase_z: [[f32; LANES]; 2],
-    /// Weight of a pixel in the motion, 0 to 1: small at edges, where the images show two surfaces.
-    pub(super) weight: [f32; LANES],
-    /// Whether any pixel has weight.
-    pub(super) has_motion: bool,
+    pub(super) z: [[f32; LANES]; 2],
     /// Pixels with a saturated sample: bit k for pixel k.
     pub(super) saturated: u32,
 }
 
-impl Default for Fitted {
-    fn default() -> Self {
-        let plane = [0.0; LANES];
-        Self {
-            offset: plane,
-            z: [plane; 2],
-            slope: [plane; 2],
-            phase_z: [plane; 2],
-            weight: plane,
-            has_motion: false,
-            saturated: 0,
-        }
-    }
-}
-
 impl Fitted {
-    /// Fits `count` pixels of a row, from `pixel` on; the others get no weight. `greys` is scratch memory.
+    /// Fits `count` pixels of a row, from `pixel` on, and returns their moments; the others get no weight. `greys` is
+    /// scratch memory.
     #[inline(always)]
     pub(super) fn fit<L: Lanes, S: Sample>(
         &mut self,
@@ -60,7 +41,7 @@ impl Fitted {
         validity: &Validity,
         [pixel, count]: [usize; 2],
         greys: &mut [[f32; LANES]; MAX_IMAGES],
-    ) {
+    ) -> Moments<L> {
         let l = lanes;
         let (mut sums, mut greatest) = ([l.real(0.0); SUMS], l.word(0));
         for (i, weights) in fit.weights.iter().enumerate() {
@@ -88,16 +69,24 @@ impl Fitted {
         let weight = motion_weight(l, [re, im], squares, saturated, validity);
         let used = l.mask(first_lanes(count));
         let weight = l.select_real(used, weight, l.real(0.0));
-        self.has_motion = l.bits(l.is_greater_real(weight, l.real(0.0))) != 0;
         self.saturated = l.bits(l.and(saturated, used));
         l.store_reals(offset, &mut self.offset);
-        l.store_reals(re, &mut self.z[0]);
-        l.store_reals(im, &mut self.z[1]);
-        l.store_reals(re_slope, &mut self.slope[0]);
-        l.store_reals(im_slope, &mut self.slope[1]);
-        l.store_reals(phase_re, &mut self.phase_z[0]);
-        l.store_reals(phase_im, &mut self.phase_z[1]);
-        l.store_reals(weight, &mut self.weight);
+        l.store_reals(phase_re, &mut self.z[0]);
+        l.store_reals(phase_im, &mut self.z[1]);
+        // Weighted products.
+        let (weighted_re, weighted_im) = (l.times_real(weight, re), l.times_real(weight, im));
+        let (re_re, im_im) = (l.times_real(weighted_re, re), l.times_real(weighted_im, im));
+        let re_im = l.times_real(weighted_re, im);
+        let (forth, back) = (l.times_real(weighted_re, im_slope), l.times_real(weighted_im, re_slope));
+        Moments {
+            power: l.add_real(re_re, im_im),
+            square: [l.sub_real(re_re, im_im), l.add_real(re_im, re_im)],
+            slope: l.sub_real(forth, back),
+            product: [
+                l.sub_real(l.times_real(weighted_re, re_slope), l.times_real(weighted_im, im_slope)),
+                l.add_real(forth, back),
+            ],
+        }
     }
 }
 

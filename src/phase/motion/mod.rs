@@ -24,6 +24,7 @@
 mod band;
 mod brightness;
 mod brightness_plan;
+mod cells;
 mod complement;
 mod estimate;
 mod fit;
@@ -34,6 +35,7 @@ mod image_times;
 mod images;
 mod linear;
 mod motion_histogram;
+mod moving_cells;
 mod one_surface;
 mod ripple;
 mod solve;

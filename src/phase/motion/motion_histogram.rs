@@ -1,5 +1,5 @@
 //! Histogram of the motion of the pixels of an image. In: motions. Out: median and 95 % quantile. Cost: an increment
-//! per pixel.
+//! per counted pixel.
 
 use fringeflow_simd::Lanes;
 
@@ -8,6 +8,14 @@ use crate::phase::histogram::{Histogram, quantile};
 /// Range of the histogram on either side of zero, rad per image, and its bins on one side.
 const RANGE_RAD: f32 = 1.5;
 const BINS: usize = 1024;
+
+/// Distance of the rows whose pixels count. A quarter of the image determines quantiles as well as all of it.
+const ROW_PITCH: usize = 4;
+
+/// Whether the pixels of a row count in the statistics of the image.
+pub(super) fn is_counted(row: usize) -> bool {
+    row.is_multiple_of(ROW_PITCH)
+}
 
 /// Histogram of the motion. NaN counts nowhere.
 #[derive(Clone, Debug, Default)]

@@ -19,7 +19,8 @@ use crate::phase::sample::Sample;
 use super::band::{BlockFit, Planes};
 use super::follow::Fits;
 use super::images::Images;
-use super::motion_histogram::MotionHistogram;
+use super::motion_histogram::{MotionHistogram, is_counted};
+use super::ripple::Turns;
 use super::solve::{BATCH, Batch, Solutions};
 
 /// Images with a residual of more than this multiple of the usual one do not show the same surface.
@@ -81,11 +82,6 @@ impl<'a, S: Sample> OneSurface<'a, S> {
         let max_residual = [LARGE_RESIDUAL * statistics.noise_grey, LARGE_RESIDUAL * share];
         Self { images, validity, fits, max_residual }
     }
-
-    /// Largest residual of images of a single surface.
-    fn max_residual(&self, modulation: f32) -> f32 {
-        self.max_residual[0].max(self.max_residual[1] * modulation)
-    }
 }
 
 /// Decodes pixels of some rows again, where needed.
@@ -111,7 +107,7 @@ impl<S: Sample> Kernel for Repair<'_, S> {
             }
             let columns = std::mem::take(&mut self.scratch.columns);
             for batch in columns.chunks(BATCH) {
-                self.decode_again(batch, row);
+                self.decode_again(lanes, batch, row);
             }
             self.scratch.columns = columns;
         }
@@ -161,34 +157,32 @@ impl<S: Sample> Repair<'_, S> {
     /// count: one surface, lost, exposure, motion
     /// ```
     #[inline(always)]
-    fn decode_again(&mut self, columns: &[u32], row: usize) {
-        let one_surface = self.one_surface;
+    fn decode_again<L: Lanes>(&mut self, lanes: L, columns: &[u32], row: usize) {
+        let (l, one_surface) = (lanes, self.one_surface);
         let OneSurface { images, fits, .. } = *one_surface;
         let width = images.width;
         let blocks = width.div_ceil(LANES);
-        let (mut motion_rad, mut is_saturated) = ([0.0; BATCH], [false; BATCH]);
+        let mut is_saturated = [false; BATCH];
         let batch = &mut self.scratch.batch;
         // Load samples and motion. Samples outside the image are marked as saturated too, but are not overexposed.
         for (p, &u) in columns.iter().enumerate() {
-            let u = u as usize;
-            let motion = self.planes.block_fits[row * blocks + u / LANES].motion_rad[u % LANES];
-            let followed_rad = fits.followed_rad([self.rows.start + row, u / LANES]);
-            motion_rad[p] = if motion.is_finite() { motion } else { followed_rad };
-            let pixel = (self.rows.start + row) * width + u;
-            for image in 0..images.count {
-                let saturated = images.is_saturated(image, pixel);
-                is_saturated[p] |= saturated && fits.is_inside(images, image, [u, self.rows.start + row]);
-                batch.set_sample(image, p, images.grey(image, pixel), !saturated);
+            let (u, v) = (u as usize, self.rows.start + row);
+            let ((fit, _), followed_rad) = (fits.for_block([v, u / LANES]), fits.followed_rad([v, u / LANES]));
+            let motion_rad = self.planes.block_fits[row * blocks + u / LANES].motion_rad[u % LANES] - followed_rad;
+            batch.set_motion(p, if motion_rad.is_finite() { motion_rad } else { 0.0 });
+            for (image, &shift) in fit.turns.iter().enumerate() {
+                let saturated = images.is_saturated(image, v * width + u);
+                is_saturated[p] |= saturated && fits.is_inside(images, image, [u, v]);
+                batch.set_sample([image, p], images.grey(image, v * width + u), !saturated, shift);
             }
         }
-        for (image, &moment) in fits.common().moments.iter().enumerate() {
-            batch.set_angles(image, moment, &motion_rad);
-        }
+        batch.prepare(l, images.count, &mut Turns::new(l));
         // The best run of every pixel.
-        let mut best = Best::default();
+        let mut best = Best::new(l);
         for &run in &fits.common().runs {
-            best.update(&batch.solve(run), one_surface);
+            best.update(l, &batch.solve(l, run), one_surface);
         }
+        let best = best.to_planes(l);
         // Store and count.
         for (p, &u) in columns.iter().enumerate() {
             let pixel = row * width + u as usize;
@@ -197,7 +191,9 @@ impl<S: Sample> Repair<'_, S> {
             let block_fit = &self.planes.block_fits[row * blocks + u as usize / LANES];
             let followed_rad = fits.followed_rad([self.rows.start + row, u as usize / LANES]);
             let unfollowed_rad = block_fit.motion_rad[u as usize % LANES] - followed_rad;
-            self.scratch.repaired.motions.change(unfollowed_rad, was_valid, found);
+            if is_counted(self.rows.start + row) {
+                self.scratch.repaired.motions.change(unfollowed_rad, was_valid, found);
+            }
             self.scratch.repaired.valid_pixels += u64::from(found);
             if found {
                 let [re, im] = [best.z[0][p], best.z[1][p]];
@@ -216,36 +212,53 @@ impl<S: Sample> Repair<'_, S> {
 }
 
 /// The best solution of each pixel.
-struct Best {
+struct Best<L: Lanes> {
     /// Residual ÷ modulation; infinite if no solution fits.
+    share: L::Reals,
+    offset: L::Reals,
+    z: [L::Reals; 2],
+}
+
+/// The same as numbers.
+struct BestPlanes {
     share: [f32; BATCH],
     offset: [f32; BATCH],
     z: [[f32; BATCH]; 2],
 }
 
-impl Default for Best {
-    fn default() -> Self {
-        Self { share: [f32::INFINITY; BATCH], offset: [0.0; BATCH], z: [[0.0; BATCH]; 2] }
+impl<L: Lanes> Best<L> {
+    #[inline(always)]
+    fn new(lanes: L) -> Self {
+        let zero = lanes.real(0.0);
+        Self { share: lanes.real(f32::INFINITY), offset: zero, z: [zero; 2] }
     }
-}
 
-impl Best {
     /// Keeps the better solution of each pixel.
     #[inline(always)]
-    fn update<S: Sample>(&mut self, others: &Solutions, one_surface: &OneSurface<'_, S>) {
-        for p in 0..BATCH {
-            let [re, im] = [others.z[0][p], others.z[1][p]];
-            let modulation = (re * re + im * im).sqrt();
-            let validity = one_surface.validity;
-            let limit = one_surface.max_residual(modulation).max(validity.max_residual_share * modulation);
-            let is_lit = modulation >= validity.min_modulation_grey;
-            let fits = others.determined[p] & is_lit & (others.residual[p] <= limit);
-            let share = others.residual[p] / modulation;
-            if fits & (share < self.share[p]) {
-                self.share[p] = share;
-                self.offset[p] = others.offset[p];
-                (self.z[0][p], self.z[1][p]) = (re, im);
-            }
-        }
+    fn update<S: Sample>(&mut self, lanes: L, others: &Solutions<L>, one_surface: &OneSurface<'_, S>) {
+        let (l, [re, im]) = (lanes, others.z);
+        let validity = one_surface.validity;
+        let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
+        let [grey, share] = one_surface.max_residual;
+        let limit = l.times_real(l.real(share.max(validity.max_residual_share)), modulation);
+        let limit = l.max_real(l.real(grey), limit);
+        let is_lit = l.is_at_least_real(modulation, l.real(validity.min_modulation_grey));
+        let fits = l.and(l.and(others.determined, is_lit), l.is_at_least_real(limit, others.residual));
+        let share = l.over_real(others.residual, modulation);
+        let is_better = l.and(fits, l.is_greater_real(self.share, share));
+        self.share = l.select_real(is_better, share, self.share);
+        self.offset = l.select_real(is_better, others.offset, self.offset);
+        self.z = [l.select_real(is_better, re, self.z[0]), l.select_real(is_better, im, self.z[1])];
+    }
+
+    #[inline(always)]
+    fn to_planes(&self, lanes: L) -> BestPlanes {
+        let plane = [0.0; BATCH];
+        let mut planes = BestPlanes { share: plane, offset: plane, z: [plane; 2] };
+        lanes.store_reals(self.share, &mut planes.share);
+        lanes.store_reals(self.offset, &mut planes.offset);
+        lanes.store_reals(self.z[0], &mut planes.z[0]);
+        lanes.store_reals(self.z[1], &mut planes.z[1]);
+        planes
     }
 }

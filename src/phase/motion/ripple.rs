@@ -1,17 +1,14 @@
-//! Pixels of known motion. In: fits and motions. Out: z without ripple, and the residual. Cost: four multiply-adds per
-//! image for each response, ten for the residual.
+//! Surroundings of known motion. In: their motion. Out: the responses of the fits to it, and the phases of a sinusoid that
+//! moves so. Cost: per cell two multiply-adds for each response and pair of images, six operations per image.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::Lanes;
 
-use crate::phase::sample::Sample;
-
-use super::fit::{Complex, MotionFit, TurnedSum};
-use super::image_times::{side, time};
-use super::images::Images;
+use super::fit::TurnedSum;
+use super::image_times::{pair, side};
 
 /// Smallest contrast |H|² − |G|² that separates z from its ripple.
-const MIN_CONTRAST: f32 = 0.05;
+pub(super) const MIN_CONTRAST: f32 = 0.05;
 
 /// Complex numbers of 32 pixels: real and imaginary parts.
 pub(super) type Complexes<L> = [<L as Lanes>::Reals; 2];
@@ -31,10 +28,10 @@ impl<L: Lanes> Turns<L> {
     #[inline(always)]
     pub(super) fn set(&mut self, lanes: L, images: usize, motion_rad: L::Reals) {
         let l = lanes;
+        let half = cos_sin(l, l.times_real(l.real(0.5), motion_rad));
+        let step = product(l, half, half);
         // The times are 0, 1, 2 … for an odd number of images, 0.5, 1.5, 2.5 … for an even one.
-        let start = if images.is_multiple_of(2) { 0.5 } else { 0.0 };
-        let mut turn = cos_sin(l, l.times_real(l.real(start), motion_rad));
-        let step = cos_sin(l, motion_rad);
+        let mut turn = if images.is_multiple_of(2) { half } else { [l.real(1.0), l.real(0.0)] };
         self.0[0] = turn;
         for turns in &mut self.0[1..images.div_ceil(2)] {
             turn = product(l, turn, step);
@@ -42,106 +39,59 @@ impl<L: Lanes> Turns<L> {
         }
     }
 
-    /// `e^(iε|t|)` of an image.
-    #[inline(always)]
-    fn for_image(&self, image: usize, images: usize) -> Complexes<L> {
-        let middle = images / 2;
-        self.0[match (image < middle, images.is_multiple_of(2)) {
-            (true, true) => middle - 1 - image,
-            (true, false) => middle - image,
-            (false, _) => image - middle,
-        }]
-    }
-
     /// Evaluates sums over the images at these turns.
     #[inline(always)]
     pub(super) fn sums<const COUNT: usize>(&self, lanes: L, turned: [&TurnedSum; COUNT]) -> [Complexes<L>; COUNT] {
         let l = lanes;
-        let images = turned[0].factors.len();
         let mut sums = [[l.real(0.0); 2]; COUNT];
-        for image in 0..images {
-            let [cos, sin] = self.for_image(image, images);
+        for (pair, [cos, sin]) in self.0.iter().enumerate().take(turned[0].factors.len()) {
             let mut k = 0;
             while k < COUNT {
-                let [re, signed_im, signed_re, im] = turned[k].factors[image];
-                let along = l.sub_real(l.times_real(l.real(re), cos), l.times_real(l.real(signed_im), sin));
-                let across = l.add_real(l.times_real(l.real(signed_re), sin), l.times_real(l.real(im), cos));
-                sums[k] = [l.add_real(sums[k][0], along), l.add_real(sums[k][1], across)];
+                let [re_cos, re_sin, im_cos, im_sin] = turned[k].factors[pair];
+                let re = l.add_real(l.times_real(l.real(re_cos), *cos), l.times_real(l.real(re_sin), *sin));
+                let im = l.add_real(l.times_real(l.real(im_cos), *cos), l.times_real(l.real(im_sin), *sin));
+                sums[k] = [l.add_real(sums[k][0], re), l.add_real(sums[k][1], im)];
                 k += 1;
             }
         }
         sums
     }
 
-    /// Returns the offset of the samples of `count` pixels from `pixel` on, and the standard deviation of the samples
-    /// about the moving sinusoids z; both in grey levels. The parameter `offset` is an estimate of the offset.
+    /// Cosine and sine of the phase shift of an image of a window plus the phase moved until then.
     #[inline(always)]
-    pub(super) fn residual<S: Sample>(
+    pub(super) fn moved(
         &self,
         lanes: L,
-        images: &Images<'_, S>,
-        fit: &MotionFit,
-        [pixel, count]: [usize; 2],
-        offset: L::Reals,
-        [re, im]: Complexes<L>,
-    ) -> [L::Reals; 2] {
-        let l = lanes;
-        let (mut sum, mut trend, mut squares) = (l.real(0.0), l.real(0.0), l.real(0.0));
-        let mut times = 0.0;
-        for (i, &[cos, sin]) in fit.turns.iter().enumerate() {
-            let (sign, t) = (side(i, images.count), time(i, images.count) as f32);
-            let [c, d] = self.for_image(i, images.count);
-            let along = l.sub_real(l.times_real(l.real(cos), c), l.times_real(l.real(sign * sin), d));
-            let across = l.add_real(l.times_real(l.real(sign * cos), d), l.times_real(l.real(sin), c));
-            let model = l.sub_real(l.times_real(re, along), l.times_real(im, across));
-            let grey = l.times_real(S::reals(l, &images.block(i, pixel, count)), l.real(images.grey_per_value[i]));
-            let residual = l.sub_real(l.sub_real(grey, offset), model);
-            sum = l.add_real(sum, residual);
-            trend = l.add_real(trend, l.times_real(l.real(t), residual));
-            squares = l.add_real(squares, l.times_real(residual, residual));
-            times += t * t;
-        }
-        // Subtract the squares explained by a better offset and, if it is determined, by the trend A'.
-        let count = l.real(images.count as f32);
-        let per_time = l.real(if fit.has_trend { 1.0 / times } else { 0.0 });
-        let explained = l.over_real(l.times_real(sum, sum), count);
-        let left = l.sub_real(l.sub_real(squares, explained), l.times_real(l.times_real(trend, trend), per_time));
-        let left = l.max_real(left, l.real(0.0));
-        let residual = l.root_real(l.over_real(left, l.real(fit.freedom() as f32)));
-        [l.add_real(offset, l.over_real(sum, count)), residual]
+        [shift_cos, shift_sin]: Complexes<L>,
+        [image, images]: [usize; 2],
+    ) -> Complexes<L> {
+        let [cos, sin] = self.0[pair(image, images)];
+        let sin = lanes.times_real(lanes.real(side(image, images)), sin);
+        product(lanes, [shift_cos, shift_sin], [cos, sin])
     }
 }
 
-/// z from the fitted w = H·z + G·z*, and a mask of pixels where it is determined.
+/// Factors of x, y, y and −x in `z = (H*·w − G·w*) / (|H|² − |G|²)`, where w = x + iy, and a mask of the responses H and
+/// G from which z can be told.
 #[inline(always)]
-pub(super) fn without_ripple<L: Lanes>(
-    lanes: L,
-    [[a, b], [c, d]]: [Complexes<L>; 2],
-    [x, y]: Complexes<L>,
-) -> (Complexes<L>, L::Mask) {
+pub(super) fn ripple_removal<L: Lanes>(lanes: L, [[a, b], [c, d]]: [Complexes<L>; 2]) -> ([L::Reals; 4], L::Mask) {
     let l = lanes;
     let square = |v| l.times_real(v, v);
     let contrast = l.sub_real(l.sub_real(l.add_real(square(a), square(b)), square(c)), square(d));
     let scale = l.over_real(l.real(1.0), l.max_real(contrast, l.real(MIN_CONTRAST)));
-    // (H*·w − G·w*) / (|H|² − |G|²)
-    let re = l.add_real(l.times_real(a, x), l.times_real(b, y));
-    let re = l.sub_real(l.sub_real(re, l.times_real(c, x)), l.times_real(d, y));
-    let im = l.sub_real(l.times_real(a, y), l.times_real(b, x));
-    let im = l.sub_real(l.add_real(im, l.times_real(c, y)), l.times_real(d, x));
-    let z = [l.times_real(re, scale), l.times_real(im, scale)];
-    (z, l.is_at_least_real(contrast, l.real(MIN_CONTRAST)))
+    let factors = [
+        l.times_real(l.sub_real(a, c), scale),
+        l.times_real(l.sub_real(b, d), scale),
+        l.times_real(l.add_real(a, c), scale),
+        l.times_real(l.add_real(b, d), scale),
+    ];
+    (factors, l.is_at_least_real(contrast, l.real(MIN_CONTRAST)))
 }
 
 #[inline(always)]
 pub(super) fn product<L: Lanes>(lanes: L, [a, b]: Complexes<L>, [c, d]: Complexes<L>) -> Complexes<L> {
     let l = lanes;
     [l.sub_real(l.times_real(a, c), l.times_real(b, d)), l.add_real(l.times_real(a, d), l.times_real(b, c))]
-}
-
-/// The same number in all lanes.
-#[inline(always)]
-pub(super) fn splat<L: Lanes>(lanes: L, [re, im]: Complex) -> Complexes<L> {
-    [lanes.real(re), lanes.real(im)]
 }
 
 /// Cosine and sine of angles up to 1.5 rad, exact to 2e-6 (Taylor). Only additions and multiplications, so that every

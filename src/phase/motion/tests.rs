@@ -128,7 +128,8 @@ fn only_images_of_one_surface_count_where_an_edge_passes() {
     for pixel in 0..WIDTH * HEIGHT {
         let shift = if (40..43).contains(&(pixel % WIDTH)) { 2.0 } else { 0.0 };
         let error_rad = (scene.error_rad(&map, pixel) - shift).abs();
-        assert!(!map.valid[pixel] || error_rad < 0.07, "column {}: {error_rad}", pixel % WIDTH);
+        // Two columns share a motion, also where one of them changes and the other does not.
+        assert!(!map.valid[pixel] || error_rad < 0.08, "column {}: {error_rad}", pixel % WIDTH);
     }
 }
 

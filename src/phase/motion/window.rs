@@ -22,6 +22,7 @@ use crate::phase::sample::Sample;
 
 use super::band::{Band, BandScratch, BlockFit, Planes};
 use super::brightness::{BrightnessSums, compensate};
+use super::cells::STRIP_ROWS;
 use super::fit::MotionFit;
 use super::fits_by_motion::MotionFits;
 use super::flow::Flow;
@@ -31,7 +32,7 @@ use super::images::Images;
 use super::motion_histogram::MotionHistogram;
 use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
 
-/// Fewest rows of a band. Each band fits six surrounding rows again that its neighbours fit too.
+/// Fewest rows of a band. Each band fits four surrounding rows again that its neighbours fit too.
 const LEAST_ROWS: usize = 64;
 
 /// Scratch memory: about nine bytes per pixel and some rows per thread. With a flow, the size of the images in
@@ -130,7 +131,7 @@ fn decode_sampled<S: Sample>(
 fn rows_of_band(height: usize) -> usize {
     let threads = rayon::current_num_threads();
     let bands = if threads > 1 { 2 * threads } else { 1 };
-    height.div_ceil(bands).max(LEAST_ROWS)
+    height.div_ceil(bands).max(LEAST_ROWS).next_multiple_of(STRIP_ROWS)
 }
 
 /// All bands of `rows` rows, each with its planes and its scratch memory.
