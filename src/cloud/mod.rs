@@ -12,11 +12,9 @@ mod triangulate;
 
 pub use export::{CloudFormat, CloudWriteError};
 pub use ply::ply_header;
-pub use record::{
-    CloudExport, FIELDS, RECORD_BYTES, Scalar, decode_record, encode_records, read_records, write_records,
-};
+pub use record::{CloudExport, FIELDS, RECORD_BYTES, Record, Scalar, decode_record, read_records, write_records};
 pub use reference::reference_cloud;
-pub use triangulate::{TriangulationInput, Triangulator};
+pub use triangulate::{PointForm, TriangulationInput, Triangulator};
 
 /// One measured point: one pixel of C1 and its correspondence in C2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,10 +1,11 @@
 //! Triangulation of all correspondences, with the standard deviation of every point (paper, section 2.1).
 //!
-//! In: matches and the phase data of C1. Out: a [`Cloud`]. Cost: some hundred operations per point, in vector code. A
-//! correspondence lies on the epipolar line of its pixel, so both rays intersect exactly.
+//! In: planes of the matches and of the phase data of C1. Out: points, as numbers or as records. Cost: some hundred
+//! operations per point, in vector code. A correspondence lies on the epipolar line of its pixel, so both rays intersect
+//! exactly.
 //!
 //! ```text
-//! count the matches of every row             (so that each row has its part of the cloud)
+//! count the matches of every row             (so that each row has its part of the output)
 //! for each row, in parallel:
 //!     for each tile of neighbouring pixels:
 //!         triangulate every pixel of the tile, matched or not (no branches: vector code)
@@ -17,11 +18,11 @@ use std::ops::Range;
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
-use crate::correspondence::{Confidence, Matches, Outcome, RayRow, SegmentTable};
+use crate::correspondence::{Confidence, Outcome, RayRow, SegmentTable};
 use crate::geometry::{EpipolarFrame, ImageTriangulation};
 use crate::phase::Modulation;
 
-use super::{Cloud, CloudPoint};
+use super::CloudPoint;
 
 /// Pixels triangulated together.
 const TILE_PX: usize = RayRow::PIXELS;
@@ -30,11 +31,26 @@ const ROWS_PER_TASK: usize = 16;
 /// Matches hold δ in turns · 65536.
 const RAD_PER_DELTA: f32 = (TAU / 65536.0) as f32;
 
-/// Input of the triangulation besides the matches.
-#[derive(Clone, Copy)]
+/// The matches of all pixels of C1, row by row, and what triangulation needs besides.
+#[derive(Clone, Copy, Debug)]
 pub struct TriangulationInput<'a> {
     /// Width of the images of C1, pixels.
     pub width: usize,
+    /// How each pixel was decided.
+    pub outcomes: &'a [Outcome],
+    /// Column of the correspondence in the epipolar frame, fringe order, δ and slope of the phase, as in
+    /// [`ChosenCandidates`](crate::correspondence::ChosenCandidates).
+    pub column_px: &'a [f32],
+    /// See above.
+    pub order: &'a [i16],
+    /// See above.
+    pub delta: &'a [i16],
+    /// See above.
+    pub slope: &'a [i16],
+    /// Orders that the surface around the pixel leaves possible.
+    pub passing: &'a [u8],
+    /// Probability that the match is correct.
+    pub confidence: &'a [Confidence],
     /// Mean grey level of every pixel of C1, see [`crate::phase::PhaseMap`].
     pub mean: &'a [u8],
     /// Modulation of every pixel of C1.
@@ -42,8 +58,19 @@ pub struct TriangulationInput<'a> {
     /// Standard deviation of the phase of C1 and C2 times the modulation, grey levels: grey-level noise times noise
     /// gain, see [`crate::phase::FitStatistics`].
     pub phase_noise_grey: [f32; 2],
-    /// Segment table of the matches.
-    pub table: &'a SegmentTable,
+}
+
+/// A point in the form in which it is needed.
+pub trait PointForm: Copy + Send {
+    /// The point in this form.
+    fn from_point(point: CloudPoint) -> Self;
+}
+
+impl PointForm for CloudPoint {
+    #[inline(always)]
+    fn from_point(point: CloudPoint) -> Self {
+        point
+    }
 }
 
 /// Triangulates the windows of one rig, reusing its memory.
@@ -69,34 +96,43 @@ impl Triangulator {
         Self { triangulation: frame.image_triangulation(), rows: Vec::new() }
     }
 
-    /// Triangulates all matches, in the order of their pixels, into the memory of `cloud`. A match whose rays do not
-    /// intersect has no point.
-    ///
-    /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in each camera (the modulation of C1 stands for both),
-    /// divided by the slope of the phase along the epipolar line, times depth per column, times length of the ray.
-    pub fn triangulate(&mut self, matches: &Matches, input: TriangulationInput<'_>, cloud: &mut Cloud) {
-        let Self { triangulation, rows } = self;
-        let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
-        let phase_noise = (cam1_grey.hypot(cam2_grey) / TAU * 65536.0) as f32;
-        rows.clear();
+    /// Prepares the triangulation of a window. Returns the number of matches: the largest number of its points.
+    pub fn count_matches(&mut self, input: &TriangulationInput<'_>) -> usize {
         let mut end = 0;
-        rows.extend(matches.outcomes.chunks_exact(input.width.max(1)).map(|outcomes| {
+        self.rows.clear();
+        self.rows.extend(input.outcomes.chunks_exact(input.width.max(1)).map(|outcomes| {
             let begin = end;
             end += outcomes.iter().map(|outcome| usize::from(outcome.is_found())).sum::<usize>();
             RowPoints { begin, count: 0 }
         }));
-        cloud.points.resize(end, CloudPoint::default());
-        let shared = Shared { matches, input, triangulation, phase_noise };
-        shared.fill_rows(0..rows.len(), rows, &mut cloud.points);
-        close_gaps(&mut cloud.points, rows);
+        end
+    }
+
+    /// Triangulates the matches of the window prepared with [`Self::count_matches`], in the order of their pixels, into
+    /// memory for so many points. Returns the number of points: a match whose rays do not intersect has none.
+    ///
+    /// `sigma_m` is predicted from noise: sd(φ) = gain · σ/B in each camera (the modulation of C1 stands for both),
+    /// divided by the slope of the phase along the epipolar line, times depth per column, times length of the ray.
+    pub fn triangulate<P: PointForm>(
+        &mut self,
+        input: &TriangulationInput<'_>,
+        table: &SegmentTable,
+        points: &mut [P],
+    ) -> usize {
+        let Self { triangulation, rows } = self;
+        let [cam1_grey, cam2_grey] = input.phase_noise_grey.map(f64::from);
+        let phase_noise = (cam1_grey.hypot(cam2_grey) / TAU * 65536.0) as f32;
+        let shared = Shared { input, table, triangulation, phase_noise };
+        shared.fill_rows(0..rows.len(), rows, points);
+        close_gaps(points, rows)
     }
 }
 
 /// Input that all rows share.
 #[derive(Clone, Copy)]
 struct Shared<'a> {
-    matches: &'a Matches,
-    input: TriangulationInput<'a>,
+    input: &'a TriangulationInput<'a>,
+    table: &'a SegmentTable,
     triangulation: &'a ImageTriangulation,
     /// Standard deviation of the phase of both cameras together at a modulation of one grey level, turns · 65536.
     phase_noise: f32,
@@ -104,7 +140,7 @@ struct Shared<'a> {
 
 impl Shared<'_> {
     /// Fills in the points of a range of rows, in parallel.
-    fn fill_rows(self, range: Range<usize>, rows: &mut [RowPoints], points: &mut [CloudPoint]) {
+    fn fill_rows<P: PointForm>(self, range: Range<usize>, rows: &mut [RowPoints], points: &mut [P]) {
         // Rows have parts of different length in the cloud, so the range is halved until one task's worth is left.
         if range.len() > ROWS_PER_TASK {
             let (middle, half) = (range.start + range.len() / 2, range.len() / 2);
@@ -127,20 +163,20 @@ impl Shared<'_> {
 }
 
 /// Triangulates row `v`; returns the number of points.
-struct RowKernel<'a, 'b> {
+struct RowKernel<'a, 'b, P> {
     shared: Shared<'a>,
     v: usize,
-    out: &'b mut [CloudPoint],
+    out: &'b mut [P],
 }
 
-impl Kernel for RowKernel<'_, '_> {
+impl<P: PointForm> Kernel for RowKernel<'_, '_, P> {
     type Output = usize;
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) -> usize {
         let Self { shared, v, out } = self;
         let width = shared.input.width;
-        let rays = shared.input.table.rays(v);
+        let rays = shared.table.rays(v);
         let mut count = 0;
         for k in 0..width.div_ceil(TILE_PX) {
             let first = v * width + TILE_PX * k;
@@ -171,8 +207,8 @@ impl Tile {
     /// `count` pixels from `first` on; the rest of the tile is padding without matches.
     #[inline(always)]
     fn new(shared: &Shared<'_>, first: usize, count: usize) -> Self {
-        let (matches, input, pixels) = (shared.matches, &shared.input, first..first + count);
-        let outcome = fringeflow_simd::filled(&matches.outcomes[pixels.clone()], Outcome::Invalid);
+        let (input, pixels) = (shared.input, first..first + count);
+        let outcome = fringeflow_simd::filled(&input.outcomes[pixels.clone()], Outcome::Invalid);
         let mut found = [false; TILE_PX];
         for i in 0..TILE_PX {
             found[i] = outcome[i].is_found();
@@ -180,25 +216,25 @@ impl Tile {
         Self {
             found,
             outcome,
-            column_px: fringeflow_simd::filled(&matches.chosen.column_px[pixels.clone()], 0.0),
-            order: fringeflow_simd::filled(&matches.chosen.order[pixels.clone()], 0),
-            delta: fringeflow_simd::filled(&matches.chosen.delta[pixels.clone()], 0),
-            slope: fringeflow_simd::filled(&matches.chosen.slope[pixels.clone()], 0),
+            column_px: fringeflow_simd::filled(&input.column_px[pixels.clone()], 0.0),
+            order: fringeflow_simd::filled(&input.order[pixels.clone()], 0),
+            delta: fringeflow_simd::filled(&input.delta[pixels.clone()], 0),
+            slope: fringeflow_simd::filled(&input.slope[pixels.clone()], 0),
             modulation: fringeflow_simd::filled(&input.modulation[pixels.clone()], Modulation::default()),
             intensity: fringeflow_simd::filled(&input.mean[pixels.clone()], 0),
-            candidates: fringeflow_simd::filled(&matches.passing[pixels.clone()], 0),
-            confidence: fringeflow_simd::filled(&matches.confidence[pixels], Confidence::NONE),
+            candidates: fringeflow_simd::filled(&input.passing[pixels.clone()], 0),
+            confidence: fringeflow_simd::filled(&input.confidence[pixels], Confidence::NONE),
         }
     }
 
     /// Writes the points of the tile, whose first pixel is at column and row `[u, v]`; returns their number.
     #[inline(always)]
-    fn write_points(
+    fn write_points<P: PointForm>(
         &self,
         shared: &Shared<'_>,
         [ray_x, ray_y, row_px]: [[f32; TILE_PX]; 3],
         [u, v]: [usize; 2],
-        out: &mut [CloudPoint],
+        out: &mut [P],
     ) -> usize {
         let (mut x_m, mut y_m, mut z_m) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
         let (mut u2_px, mut v2_px) = ([0.0_f32; TILE_PX], [0.0_f32; TILE_PX]);
@@ -222,7 +258,7 @@ impl Tile {
         let mut count = 0;
         for i in 0..TILE_PX {
             if has_point[i] {
-                out[count] = CloudPoint {
+                out[count] = P::from_point(CloudPoint {
                     position_m: [x_m[i], y_m[i], z_m[i]],
                     intensity: self.intensity[i],
                     cam1_px: [(u + i) as u16, v as u16],
@@ -233,7 +269,7 @@ impl Tile {
                     stage: self.outcome[i] as u8,
                     sigma_m: sigma_m[i],
                     confidence: confidence[i],
-                };
+                });
                 count += 1;
             }
         }
@@ -241,8 +277,9 @@ impl Tile {
     }
 }
 
-/// Moves the points of all rows together: a match without a point leaves a gap at the end of its row.
-fn close_gaps(points: &mut Vec<CloudPoint>, rows: &[RowPoints]) {
+/// Moves the points of all rows together, and returns their number: a match without a point leaves a gap at the end of
+/// its row.
+fn close_gaps<P: Copy>(points: &mut [P], rows: &[RowPoints]) -> usize {
     let mut to = 0;
     for row in rows {
         if row.begin != to {
@@ -250,7 +287,7 @@ fn close_gaps(points: &mut Vec<CloudPoint>, rows: &[RowPoints]) {
         }
         to += row.count;
     }
-    points.truncate(to);
+    to
 }
 
 #[cfg(test)]
@@ -262,7 +299,8 @@ mod tests {
         let mut points: Vec<CloudPoint> =
             (0..9).map(|i| CloudPoint { intensity: i, ..CloudPoint::default() }).collect();
         let rows = [(0, 3), (3, 0), (3, 1), (7, 2)].map(|(begin, count)| RowPoints { begin, count });
-        close_gaps(&mut points, &rows);
-        assert_eq!(points.iter().map(|point| point.intensity).collect::<Vec<_>>(), [0, 1, 2, 3, 7, 8]);
+        let count = close_gaps(&mut points, &rows);
+        let kept: Vec<u8> = points[..count].iter().map(|point| point.intensity).collect();
+        assert_eq!(kept, [0, 1, 2, 3, 7, 8]);
     }
 }

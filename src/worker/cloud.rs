@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::cloud::{Cloud, TriangulationInput, Triangulator};
+use crate::cloud::{Cloud, CloudPoint, Record, TriangulationInput, Triangulator};
 use crate::correspondence::SegmentTable;
 use crate::geometry::{EpipolarError, EpipolarFrame, Rig};
 
@@ -27,13 +27,21 @@ impl CloudWorker {
     /// Triangulates the points, in the order of their pixels in C1. A match whose rays do not intersect in front of the
     /// cameras has no point.
     pub fn step(&mut self, correspondences: &Correspondences, out: &mut Cloud) {
-        let input = TriangulationInput {
-            width: correspondences.width,
-            mean: &correspondences.mean,
-            modulation: &correspondences.modulation,
-            phase_noise_grey: correspondences.phase_noise_grey,
-            table: &self.table,
-        };
-        self.triangulator.triangulate(&correspondences.matches, input, out);
+        let input = correspondences.triangulation_input();
+        let matches = self.triangulator.count_matches(&input);
+        out.points.resize(matches, CloudPoint::default());
+        let points = self.triangulator.triangulate(&input, &self.table, &mut out.points);
+        out.points.truncate(points);
+    }
+
+    /// Prepares [`Self::write`]. Returns the number of matches.
+    pub fn count_matches(&mut self, input: &TriangulationInput<'_>) -> usize {
+        self.triangulator.count_matches(input)
+    }
+
+    /// Writes the points of the matches that were counted last as records, into memory for so many. Returns the number
+    /// of points.
+    pub fn write(&mut self, input: &TriangulationInput<'_>, records: &mut [Record]) -> usize {
+        self.triangulator.triangulate(input, &self.table, records)
     }
 }

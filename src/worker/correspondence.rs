@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::cloud::TriangulationInput;
 use crate::correspondence::{Drift, KnownDrift, MatchError, MatchSettings, Matcher, Matches, SegmentTable};
 use crate::phase::{Modulation, PhaseShifts};
 
@@ -23,6 +24,27 @@ pub struct Correspondences {
     pub modulation: Vec<Modulation>,
     /// Standard deviation of the phase of C1 and C2 times the modulation, grey levels.
     pub phase_noise_grey: [f32; 2],
+}
+
+impl Correspondences {
+    /// What the triangulation needs of them.
+    #[must_use]
+    pub fn triangulation_input(&self) -> TriangulationInput<'_> {
+        let Matches { outcomes, chosen, passing, confidence, .. } = &self.matches;
+        TriangulationInput {
+            width: self.width,
+            outcomes,
+            column_px: &chosen.column_px,
+            order: &chosen.order,
+            delta: &chosen.delta,
+            slope: &chosen.slope,
+            passing,
+            confidence,
+            mean: &self.mean,
+            modulation: &self.modulation,
+            phase_noise_grey: self.phase_noise_grey,
+        }
+    }
 }
 
 /// Finds the correspondences of one rig.

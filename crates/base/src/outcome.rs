@@ -1,9 +1,11 @@
 //! Outcomes of the pixels of camera 1 (C1).
 
+use bytemuck::{CheckedBitPattern, NoUninit};
+
 /// How the correspondence of a pixel of C1 was found, or why the pixel has none.
 ///
 /// Pixels with one of the first five outcomes have a point. Exported clouds contain the code of the outcome as `stage`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, NoUninit, CheckedBitPattern)]
 #[repr(u8)]
 pub enum Outcome {
     /// Decided by Gray code (reference methods only).

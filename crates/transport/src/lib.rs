@@ -46,6 +46,7 @@ mod error;
 mod instance;
 mod instance_lock;
 mod kept_channels;
+mod loan;
 mod node;
 mod payload;
 mod publisher;

@@ -2,6 +2,7 @@
 
 use std::fmt::Debug;
 
+use bytemuck::AnyBitPattern;
 use iceoryx2::port::ReceiveError;
 use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
 use iceoryx2::port::subscriber::Subscriber;
@@ -45,8 +46,8 @@ pub trait Payload: IceoryxSend + Debug + 'static {
     fn payload_of<H: Header>(sample: &Sample<Ipc, Self, H>) -> &Self;
 }
 
-/// Elements of slices.
-pub(super) trait Element: ZeroCopySend + Debug + Copy + 'static {}
+/// Elements of slices. Any bytes are valid ones.
+pub(super) trait Element: ZeroCopySend + Debug + AnyBitPattern {}
 
 impl Element for u8 {}
 impl Element for Block {}

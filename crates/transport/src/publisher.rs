@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use bytemuck::Zeroable;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections;
 
 use super::attached::{Attached, Files, ensure_open};
+use super::loan::{Uninitialized, Written, initialized};
 use super::payload::{Element, Message};
 use super::{Channel, ChannelLimits, ChannelSizes, Header, Ipc, Node, Payload, TransportError, shared_memory};
 
@@ -83,24 +83,20 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
         self.finish_send(result)
     }
 
-    /// Sends `len` zeroed elements after `fill` has filled them in place.
+    /// Sends `len` elements after `fill` has set them in place. Before, they hold those of an earlier message.
     ///
     /// # Errors
     /// As [`Self::send`].
-    pub fn send_filled(&mut self, header: &H, len: usize, fill: impl FnOnce(&mut [E])) -> Result<(), TransportError>
-    where
-        E: Zeroable,
-    {
-        let result = self.try_send(header, len, |sample| {
-            let mut sample = sample.write_from_fn(|_| E::zeroed());
+    pub fn send_filled(&mut self, header: &H, len: usize, fill: impl FnOnce(&mut [E])) -> Result<(), TransportError> {
+        let result = self.try_send(header, len, |loan| {
+            let mut sample = initialized(loan);
             fill(sample.payload_mut());
             sample
         });
         self.finish_send(result)
     }
 
-    /// Sends `len` zeroed elements after `fill` has filled them in place, with the header that `fill` returns. Sends
-    /// nothing if `fill` fails.
+    /// Like [`Self::send_filled`], with the header that `fill` returns. Sends nothing if `fill` fails.
     ///
     /// # Errors
     /// As [`Self::send`]. The inner error is that of `fill`.
@@ -108,12 +104,9 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
         &mut self,
         len: usize,
         fill: impl FnOnce(&mut [E]) -> Result<H, R>,
-    ) -> Result<Result<(), R>, TransportError>
-    where
-        E: Zeroable,
-    {
+    ) -> Result<Result<(), R>, TransportError> {
         let filled = self.loan(len).map(|loan| {
-            let mut sample = loan.write_from_fn(|_| E::zeroed());
+            let mut sample = initialized(loan);
             let header = fill(sample.payload_mut())?;
             *sample.user_header_mut() = header;
             Ok(sample)
@@ -146,9 +139,6 @@ impl<H: Header, E: Element> Publisher<H, [E]> {
         Ok(())
     }
 }
-
-type Uninitialized<H, E> = iceoryx2::sample_mut_uninit::SampleMutUninit<Ipc, [std::mem::MaybeUninit<E>], H>;
-type Written<H, E> = iceoryx2::sample_mut::SampleMut<Ipc, [E], H>;
 
 #[allow(private_bounds)]
 impl<M: Message> Publisher<(), M> {

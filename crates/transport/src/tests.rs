@@ -85,7 +85,10 @@ fn header_and_payload_arrive_as_sent() {
     let image: Vec<u8> = (0..4096).map(|i| (i % 251) as u8).collect();
     frames_out.send(&frame(7), &image).unwrap();
     maps_out
-        .send_filled(&MapsHeader { published: 8, ..MapsHeader::default() }, 3, |blocks| blocks[1].0[5] = 9)
+        .send_filled(&MapsHeader { published: 8, ..MapsHeader::default() }, 3, |blocks| {
+            blocks.fill(Block::zeroed());
+            blocks[1].0[5] = 9;
+        })
         .unwrap();
     patterns_out.send_message(&PatternEvent { sequence: 10, ..PatternEvent::default() }).unwrap();
 

@@ -5,12 +5,12 @@
 //! candidates that passed the back-projection test `u8`, mean `u8`. Column, order, δ, slope and confidence are zero for
 //! pixels without a correspondence.
 
-use fringeflow::correspondence::{Confidence, DeltaStatistics, Matches, Outcome};
-use fringeflow::phase::Modulation;
+use fringeflow::cloud::TriangulationInput;
+use fringeflow::correspondence::{Matches, Outcome};
 use fringeflow::worker::Correspondences;
 use fringeflow_message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 
-use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
+use super::planes::{blocks_of, next_plane, next_plane_mut};
 use super::{WireError, checked_pixels, drift};
 
 /// Number of blocks of the payload for images of `pixels` pixels.
@@ -47,19 +47,6 @@ pub(super) fn delta_counts(matches: &Matches) -> [u32; DELTA_PARTS] {
     std::array::from_fn(|part| matches.delta_counts.get(part).copied().unwrap_or(0))
 }
 
-/// The planes of a payload, in their order.
-struct Planes<'a> {
-    column_px: &'a [f32],
-    modulation: &'a [Modulation],
-    order: &'a [i16],
-    delta: &'a [i16],
-    slope: &'a [i16],
-    confidence: &'a [Confidence],
-    outcome: &'a [u8],
-    passing: &'a [u8],
-    mean: &'a [u8],
-}
-
 /// Writes correspondences into a payload of [`blocks`] blocks.
 pub fn write(found: &Correspondences, mut out: &mut [Block]) {
     let matches = &found.matches;
@@ -71,69 +58,54 @@ pub fn write(found: &Correspondences, mut out: &mut [Block]) {
         next_plane_mut(out, pixels).copy_from_slice(plane);
     }
     next_plane_mut(out, pixels).copy_from_slice(&matches.confidence);
-    let codes: &mut [u8] = next_plane_mut(out, pixels);
-    codes.iter_mut().zip(&matches.outcomes).for_each(|(code, &outcome)| *code = outcome as u8);
+    next_plane_mut(out, pixels).copy_from_slice(bytemuck::cast_slice::<_, u8>(&matches.outcomes));
     next_plane_mut(out, pixels).copy_from_slice(&matches.passing);
     next_plane_mut(out, pixels).copy_from_slice(&found.mean);
 }
 
-/// Reads correspondences from a payload.
+/// Borrows correspondences from a payload, for triangulation.
 ///
 /// # Errors
-/// [`WireError`]; `out` is then unchanged.
-pub fn read(header: &CorrespondenceHeader, mut rest: &[Block], out: &mut Correspondences) -> Result<(), WireError> {
+/// [`WireError`].
+pub fn view<'a>(header: &CorrespondenceHeader, mut rest: &'a [Block]) -> Result<TriangulationInput<'a>, WireError> {
     let pixels = checked_pixels(rest, [header.width_px, header.height_px], blocks)?;
-    let planes = Planes {
-        column_px: next_plane(&mut rest, pixels),
-        modulation: next_plane(&mut rest, pixels),
-        order: next_plane(&mut rest, pixels),
-        delta: next_plane(&mut rest, pixels),
-        slope: next_plane(&mut rest, pixels),
-        confidence: next_plane(&mut rest, pixels),
-        outcome: next_plane(&mut rest, pixels),
-        passing: next_plane(&mut rest, pixels),
-        mean: next_plane(&mut rest, pixels),
-    };
-    // A table lookup, because this runs for every pixel.
-    let known: [Option<Outcome>; 256] = std::array::from_fn(|code| Outcome::from_code(code as u8));
-    let outcome = |&code: &u8| known[usize::from(code)];
-    if let Some(pixel) = planes.outcome.iter().position(|code| outcome(code).is_none()) {
-        return Err(WireError::Outcome { pixel, code: planes.outcome[pixel] });
-    }
-    out.width = header.width_px as usize;
-    out.phase_noise_grey = header.phase_noise_grey;
-    out.drift = drift::read(&header.drift);
-    refill(&mut out.mean, planes.mean);
-    refill(&mut out.modulation, planes.modulation);
-    let matches = &mut out.matches;
-    matches.outcomes.clear();
-    matches.outcomes.extend(planes.outcome.iter().filter_map(outcome));
-    refill(&mut matches.chosen.column_px, planes.column_px);
-    refill(&mut matches.chosen.order, planes.order);
-    refill(&mut matches.chosen.delta, planes.delta);
-    refill(&mut matches.chosen.slope, planes.slope);
-    refill(&mut matches.passing, planes.passing);
-    refill(&mut matches.confidence, planes.confidence);
-    refill(&mut matches.delta_counts, &header.delta_counts);
-    matches.delta = statistics(header);
-    matches.chosen_delta_rad = (header.chosen_delta_mean_rad, header.chosen_delta_sd_rad);
-    Ok(())
+    let column_px = next_plane(&mut rest, pixels);
+    let modulation = next_plane(&mut rest, pixels);
+    let order = next_plane(&mut rest, pixels);
+    let delta = next_plane(&mut rest, pixels);
+    let slope = next_plane(&mut rest, pixels);
+    let confidence = next_plane(&mut rest, pixels);
+    let codes: &[u8] = next_plane(&mut rest, pixels);
+    let outcomes = bytemuck::checked::try_cast_slice(codes).map_err(|_| unknown_outcome(codes))?;
+    let passing = next_plane(&mut rest, pixels);
+    let mean = next_plane(&mut rest, pixels);
+    let (width, phase_noise_grey) = (header.width_px as usize, header.phase_noise_grey);
+    Ok(TriangulationInput {
+        width,
+        outcomes,
+        column_px,
+        order,
+        delta,
+        slope,
+        passing,
+        confidence,
+        mean,
+        modulation,
+        phase_noise_grey,
+    })
 }
 
-fn statistics(header: &CorrespondenceHeader) -> DeltaStatistics {
-    DeltaStatistics {
-        mean_rad: header.delta_mean_rad,
-        sd_rad: header.delta_sd_rad,
-        noise_sd_rad: header.delta_noise_sd_rad,
-        mean_periods: header.mean_periods,
-        references: header.references as usize,
-    }
+/// The first code that is none of an outcome.
+fn unknown_outcome(codes: &[u8]) -> WireError {
+    let pixel = codes.iter().position(|&code| Outcome::from_code(code).is_none()).unwrap_or_default();
+    WireError::Outcome { pixel, code: codes.get(pixel).copied().unwrap_or_default() }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::correspondence::{ChosenCandidates, KnownDrift};
+    use fringeflow::correspondence::{ChosenCandidates, DeltaStatistics, KnownDrift};
+    use fringeflow::phase::Modulation;
 
     fn found() -> Correspondences {
         let outcomes: Vec<Outcome> = (0..35).map(|i| Outcome::ALL[i % Outcome::ALL.len()]).collect();
@@ -176,9 +148,8 @@ mod tests {
         let mut payload = vec![Block([0xff; 64]); blocks(35)];
         write(&found, &mut payload);
         let header = header(&found, &Window::default(), 3);
-        let mut read_back = Correspondences::default();
-        read(&header, &payload, &mut read_back).unwrap();
-        assert_eq!(read_back, found);
+        let read_back = view(&header, &payload).unwrap();
+        assert_eq!(format!("{read_back:?}"), format!("{:?}", found.triangulation_input()));
     }
 
     #[test]
@@ -189,7 +160,6 @@ mod tests {
         let outcomes = blocks_of::<f32>(35) + 5 * blocks_of::<i16>(35);
         payload[outcomes].0[4] = 99;
         let header = header(&found, &Window::default(), 3);
-        let refused = read(&header, &payload, &mut Correspondences::default());
-        assert_eq!(refused, Err(WireError::Outcome { pixel: 4, code: 99 }));
+        assert_eq!(view(&header, &payload).unwrap_err(), WireError::Outcome { pixel: 4, code: 99 });
     }
 }

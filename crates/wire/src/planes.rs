@@ -9,10 +9,13 @@ pub(super) const fn blocks_of<T>(pixels: usize) -> usize {
     pixels.saturating_mul(size_of::<T>()).div_ceil(size_of::<Block>())
 }
 
-/// Splits off the next plane of a payload for writing.
+/// Splits off the next plane of a payload for writing. The rest of its last block becomes zero.
 pub(super) fn next_plane_mut<'a, T: Pod>(rest: &mut &'a mut [Block], pixels: usize) -> &'a mut [T] {
     let (plane, after) = std::mem::take(rest).split_at_mut(blocks_of::<T>(pixels));
     *rest = after;
+    if let Some(last) = plane.last_mut() {
+        *last = Block([0; _]);
+    }
     &mut bytemuck::cast_slice_mut(plane)[..pixels]
 }
 

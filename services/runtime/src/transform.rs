@@ -32,17 +32,11 @@ pub trait Transform {
     /// Returns the number of a message in its channel.
     fn published(header: &Self::InHeader) -> u64;
 
-    /// Reads a message.
+    /// Computes the result of a message. The publisher gets its memory back when the message is dropped.
     ///
     /// # Errors
-    /// The message contradicts itself.
-    fn read(&mut self, header: &Self::InHeader, payload: &Self::InPayload) -> Result<Window, Dropped>;
-
-    /// Computes the result.
-    ///
-    /// # Errors
-    /// There is no result.
-    fn step(&mut self) -> Result<(), Dropped>;
+    /// The message contradicts itself, or there is no result.
+    fn step(&mut self, message: Received<Self::InHeader, Self::InPayload>) -> Result<Window, Dropped>;
 
     /// Sends the result with number `published`.
     ///
@@ -151,16 +145,13 @@ impl<T: Transform> Service<'_, T> {
             return Ok(());
         }
         let span = WindowSpan::new(T::STAGE, number);
-        let window = span.work(|| self.transform.read(message.header(), message.payload()));
-        // Before the step: the publisher needs the sample back soon.
-        drop(message);
-        let result = window.and_then(|window| {
-            span.identify(&window);
-            span.work(|| self.transform.step()).map(|()| window)
-        });
+        let result = span.work(|| self.transform.step(message));
         match result {
             Err(dropped) => span.work(|| self.drop_item(&dropped))?,
-            Ok(window) => self.send_result(&window, taken_ns, &span)?,
+            Ok(window) => {
+                span.identify(&window);
+                self.send_result(&window, taken_ns, &span)?;
+            }
         }
         Ok(())
     }

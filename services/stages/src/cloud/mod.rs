@@ -1,13 +1,12 @@
 //! The cloud service: correspondences in, clouds out.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 
-use fringeflow::cloud::{Cloud, RECORD_BYTES, encode_records};
-use fringeflow::worker::{CloudWorker, Correspondences};
+use fringeflow::cloud::RECORD_BYTES;
+use fringeflow::worker::CloudWorker;
 use fringeflow_message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, clock, run_transform};
-use fringeflow_transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, TransportError};
+use fringeflow_transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, Received, TransportError};
 use fringeflow_wire as wire;
 
 /// Runs the service until it is to stop.
@@ -19,20 +18,14 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
     let worker = CloudWorker::new(&host.setup.rig, table);
     let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let stage = CloudStage {
-        worker,
-        correspondences: Correspondences::default(),
-        window: Window::default(),
-        cloud: Cloud::default(),
-    };
-    run_transform(&mut host, stage)
+    run_transform(&mut host, CloudStage { worker, correspondences: None })
 }
 
+/// The points are computed where they are sent: in the memory of the channel.
 struct CloudStage {
     worker: CloudWorker,
-    correspondences: Correspondences,
-    window: Window,
-    cloud: Cloud,
+    /// The message that the next cloud is made of.
+    correspondences: Option<Received<CorrespondenceHeader, [Block]>>,
 }
 
 impl Transform for CloudStage {
@@ -50,39 +43,40 @@ impl Transform for CloudStage {
         header.published
     }
 
-    fn read(&mut self, header: &CorrespondenceHeader, payload: &[Block]) -> Result<Window, Dropped> {
-        let read = wire::correspondences::read(header, payload, &mut self.correspondences);
-        read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
-        self.window = header.window;
-        Ok(self.window)
-    }
-
-    fn step(&mut self) -> Result<(), Dropped> {
-        self.worker.step(&self.correspondences, &mut self.cloud);
-        if self.cloud.points.is_empty() {
-            return Err(Dropped::new(
-                DropReason::EmptyCloud,
-                "no correspondence yields a point in front of both cameras",
-            ));
+    fn step(&mut self, message: Received<CorrespondenceHeader, [Block]>) -> Result<Window, Dropped> {
+        let (header, payload) = (message.header(), message.payload());
+        let input = wire::correspondences::view(header, payload);
+        let input = input.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
+        if !input.outcomes.iter().any(|outcome| outcome.is_found()) {
+            return Err(Dropped::new(DropReason::EmptyCloud, "no pixel of camera 1 has a correspondence"));
         }
-        Ok(())
+        let window = header.window;
+        self.correspondences = Some(message);
+        Ok(window)
     }
 
     fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
-        let points = &self.cloud.points;
-        let (delta_mean_rad, delta_sd_rad) = self.correspondences.matches.chosen_delta_rad;
-        let sent = output.try_send_filled(points.len() * RECORD_BYTES, |bytes| {
-            encode_records(bytes, points);
-            Ok::<_, Infallible>(CloudHeader {
-                published,
-                window: self.window,
-                points: points.len() as u64,
-                delta_mean_rad,
-                delta_sd_rad,
-                published_ns: clock::now_ns(),
-                drift: wire::drift::numbers(self.correspondences.drift.as_ref()),
-            })
+        let Some(message) = self.correspondences.take() else { return Ok(()) };
+        let found = message.header();
+        let Ok(input) = wire::correspondences::view(found, message.payload()) else { return Ok(()) };
+        let matches = self.worker.count_matches(&input);
+        let header = |points: usize| CloudHeader {
+            published,
+            window: found.window,
+            points: points as u64,
+            delta_mean_rad: found.chosen_delta_mean_rad,
+            delta_sd_rad: found.chosen_delta_sd_rad,
+            published_ns: clock::now_ns(),
+            drift: found.drift,
+        };
+        let sent = output.try_send_filled(matches * RECORD_BYTES, |bytes| {
+            let points = self.worker.write(&input, bytes.as_chunks_mut().0);
+            // A message holds no room for the matches whose rays do not intersect. There are hardly ever any.
+            if points == matches { Ok(header(points)) } else { Err(bytes[..points * RECORD_BYTES].to_vec()) }
         });
-        sent.map(|Ok(())| ())
+        match sent? {
+            Ok(()) => Ok(()),
+            Err(records) => output.send(&header(records.len() / RECORD_BYTES), &records),
+        }
     }
 }

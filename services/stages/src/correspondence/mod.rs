@@ -8,7 +8,9 @@ use fringeflow_message::{Block, CorrespondenceHeader, DropReason, MapsHeader, St
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
 use fringeflow_telemetry::health::{Health, HealthState, Quantity};
 use fringeflow_telemetry::{GaugeFigures, HealthFigures};
-use fringeflow_transport::{CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, TransportError};
+use fringeflow_transport::{
+    CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, Received, TransportError,
+};
 use fringeflow_wire as wire;
 use fringeflow_wire::health::health_measures;
 use fringeflow_wire::in_step::InStep;
@@ -100,15 +102,14 @@ impl Transform for CorrespondenceStage {
         header.published
     }
 
-    fn read(&mut self, header: &MapsHeader, payload: &[Block]) -> Result<Window, Dropped> {
-        wire::maps::read(header, payload, &mut self.maps).map_err(|e| Dropped::new(DropReason::Malformed, e))?;
-        self.header = *header;
-        Ok(header.window)
-    }
-
-    fn step(&mut self) -> Result<(), Dropped> {
+    fn step(&mut self, message: Received<MapsHeader, [Block]>) -> Result<Window, Dropped> {
+        self.header = *message.header();
+        let read = wire::maps::read(&self.header, message.payload(), &mut self.maps);
+        // Before the long work: the publisher needs the sample back soon.
+        drop(message);
+        read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
         let result = self.worker.step(&self.maps, &mut self.correspondences);
-        result.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
+        result.map(|()| self.header.window).map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
     }
 
     fn send(

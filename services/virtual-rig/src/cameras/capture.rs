@@ -78,9 +78,10 @@ impl Capture {
             Some(image) => output.send_filled(header, len, |pixels| {
                 if let Err(error) = reader.read(0, image.bytes, row_bytes, pixels) {
                     tracing::warn!("{error}");
+                    pixels.fill(0);
                 }
             }),
-            None => output.send_filled(header, len, |_| ()),
+            None => output.send_filled(header, len, |pixels| pixels.fill(0)),
         }
     }
 
