@@ -55,8 +55,9 @@ impl BufferPool {
         state.bytes = (state.bytes + new_bytes).saturating_sub(old_bytes);
     }
 
-    /// Returns a buffer to the pool.
+    /// Returns a buffer to the pool, and drops its held content.
     pub(super) fn give_back(&self, buffer: Encoded) {
+        let buffer = Encoded { held: None, ..buffer };
         self.lock().free.push(buffer);
     }
 

@@ -5,13 +5,14 @@
 //! written data. So a full disk is noticed while there is still space to close the file.
 
 use std::fs::{File, OpenOptions};
-use std::io::{self, ErrorKind, IoSlice, Write};
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rustix::fs::{CWD, FallocateFlags, RenameFlags};
 use rustix::io::Errno;
 
+use crate::block_writer::{BlockWriter, open_direct};
 use crate::{RecordingError, RecordingProblem};
 
 /// Number of bytes allocated at a time.
@@ -32,10 +33,6 @@ pub(super) struct UnfinishedFile {
     reserved_bytes: u64,
     allocated_bytes: u64,
 }
-
-/// The file as seen by the MCAP writer.
-#[derive(Debug)]
-pub(super) struct FileWriter(Arc<File>);
 
 impl UnfinishedFile {
     /// Creates the file with its final name plus `suffix`.
@@ -68,8 +65,8 @@ impl UnfinishedFile {
     }
 
     /// Returns the file for the MCAP writer.
-    pub(super) fn writer(&self) -> FileWriter {
-        FileWriter(Arc::clone(&self.file))
+    pub(super) fn writer(&self) -> BlockWriter {
+        BlockWriter::new(Arc::clone(&self.file), open_direct(&self.path))
     }
 
     /// Reserves space for a message and for the end of the file. Returns `false` if the disk is full.
@@ -130,19 +127,5 @@ impl UnfinishedFile {
     pub(super) fn discard(self) {
         // If removing fails, the file stays; its name marks it as unfinished.
         let _ = std::fs::remove_file(&self.path);
-    }
-}
-
-impl Write for FileWriter {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        (&*self.0).write(bytes)
-    }
-
-    fn write_vectored(&mut self, pieces: &[IoSlice<'_>]) -> io::Result<usize> {
-        (&*self.0).write_vectored(pieces)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
     }
 }

@@ -55,6 +55,7 @@
 
 #![forbid(unsafe_code)]
 
+mod block_writer;
 mod buffers;
 mod check;
 mod collected;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::recordable::Encoded;
 use crate::writer::{Opening, RecordingWriter};
 use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem};
 
@@ -9,6 +10,8 @@ use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem};
 pub struct OfflineRecorder {
     writer: RecordingWriter,
     counts: RecorderCounts,
+    /// The message that is being written.
+    encoded: Encoded,
 }
 
 impl OfflineRecorder {
@@ -18,7 +21,7 @@ impl OfflineRecorder {
     /// The file exists, or cannot be created.
     pub fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        Ok(Self { writer, counts: RecorderCounts::default() })
+        Ok(Self { writer, counts: RecorderCounts::default(), encoded: Encoded::default() })
     }
 
     /// Attaches a file.
@@ -34,11 +37,9 @@ impl OfflineRecorder {
         let Some(topic) = message.topic() else { return Ok(()) };
         let counts = self.counts.for_topic(topic);
         counts.taken += 1;
-        // One buffer is enough for one message at a time.
-        let mut encoded = self.writer.released().last().unwrap_or_default();
-        message.encode(&mut encoded);
-        self.writer.require_space(encoded.bytes.len())?;
-        self.writer.write(topic, message.times(), encoded)?;
+        message.encode(&mut self.encoded);
+        self.writer.require_space(self.encoded.len())?;
+        self.writer.write(topic, message.times(), &self.encoded)?;
         counts.passed += 1;
         Ok(())
     }

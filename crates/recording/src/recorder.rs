@@ -26,8 +26,8 @@ use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem, Topic}
 pub const DEFAULT_QUEUE_BYTES: usize = 256 << 20;
 /// Default free space that stays on the disk, bytes.
 pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
-/// Maximum number of images held at once: enough for a chunk and the images after it, and fewer than a channel allows
-/// its subscribers to hold.
+/// Maximum number of images held at once: those that arrive while a chunk is written, and fewer than a channel allows its
+/// subscribers to hold.
 pub const MAX_HELD_IMAGES: usize = 8;
 /// Longest time until a message is handed to the kernel.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
@@ -92,7 +92,7 @@ impl Recorder {
         self.enqueue(topic, message.times(), message.encoded_size(), |encoded| message.encode(encoded));
     }
 
-    /// Takes an image without copying it. The image must not change until it is dropped, once it is in the file. At
+    /// Takes an image without copying it. The image must not change until it is dropped: the writer thread copies it. At
     /// most [`MAX_HELD_IMAGES`] are held at once; further images are copied.
     pub fn push_held(&self, header: &FrameHeader, image: impl AsRef<[u8]> + Send + 'static) {
         let message = Recordable::Frame { header, image: image.as_ref() };
@@ -223,7 +223,7 @@ impl<'a> WriterThread<'a> {
             tracing::error!("{}: the disk is full, the recording ends", self.shared.target.display());
             self.close("disk full");
         }
-        match self.writer.as_mut().map(|writer| writer.write(topic, times, encoded)) {
+        match self.writer.as_mut().map(|writer| writer.write(topic, times, &encoded)) {
             Some(Ok(())) => *self.unflushed.entry(topic).or_default() += 1,
             Some(Err(problem)) => {
                 self.count_lost(topic, 1);
@@ -231,13 +231,7 @@ impl<'a> WriterThread<'a> {
             }
             None => self.count_lost(topic, 1),
         }
-        self.return_buffers();
-    }
-
-    /// Returns the buffers whose content is in the file to the pool.
-    fn return_buffers(&mut self) {
-        let released = self.writer.iter_mut().flat_map(RecordingWriter::released);
-        released.for_each(|buffer| self.shared.buffers.give_back(buffer));
+        self.shared.buffers.give_back(encoded);
     }
 
     fn count_lost(&self, topic: Topic, count: u64) {
@@ -254,7 +248,6 @@ impl<'a> WriterThread<'a> {
             result = result.and_then(|()| writer.sync());
             self.synced_at = Instant::now();
         }
-        self.return_buffers();
         match result {
             Ok(()) => self.count_written(),
             Err(problem) => self.fail(&problem),
@@ -280,7 +273,7 @@ impl<'a> WriterThread<'a> {
         let mut encoded = Encoded::default();
         loss.encode(&mut encoded);
         // A failure is ignored: the counts have the losses too, and the next write fails again.
-        let _ = writer.write(Topic::Log, loss.times(), encoded);
+        let _ = writer.write(Topic::Log, loss.times(), &encoded);
     }
 
     /// Closes the file, with the counts in its metadata.

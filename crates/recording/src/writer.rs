@@ -10,17 +10,13 @@ use mcap::records::MessageHeader;
 
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup};
 
-use crate::file::{FileWriter, UnfinishedFile};
-use crate::mcap_writer::{Attachment, Content, McapWriter, Schema};
+use crate::file::UnfinishedFile;
+use crate::mcap_writer::{Attachment, McapWriter, Schema};
 use crate::recordable::{Encoded, Times};
 use crate::{
     CONFIGURATION_FILE, METADATA, Origin, RECORDER_METADATA, RecordingError, RecordingProblem, Topic, UNFINISHED,
     static_messages,
 };
-
-/// Messages up to this size are copied into the chunk. Buffers of larger messages are held until the chunk is in the
-/// file.
-const COPIED_BYTES: usize = 16 << 10;
 
 /// Options of a new recording, and the content of its start.
 #[derive(Clone, Copy, Debug)]
@@ -37,12 +33,10 @@ pub struct Opening<'a> {
 
 /// An unfinished recording.
 pub(super) struct RecordingWriter {
-    mcap: McapWriter<FileWriter>,
+    mcap: McapWriter,
     file: UnfinishedFile,
     target: PathBuf,
     channels: BTreeMap<Topic, Channel>,
-    /// Buffers of copied messages, which can be reused.
-    free_buffers: Vec<Encoded>,
 }
 
 struct Channel {
@@ -61,19 +55,12 @@ impl RecordingWriter {
         }
     }
 
-    /// Creates the file and writes only its header.
+    /// Creates the file and adds only its header.
     pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
         let library = concat!("fringeflow ", env!("CARGO_PKG_VERSION"));
-        match McapWriter::begin(file.writer(), "fringeflow", library) {
-            Ok(mcap) => {
-                Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new(), free_buffers: Vec::new() })
-            }
-            Err(e) => {
-                file.discard();
-                Err(RecordingProblem::Unwritable(e).in_file(target))
-            }
-        }
+        let mcap = McapWriter::begin(file.writer(), "fringeflow", library);
+        Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new() })
     }
 
     fn write_opening(&mut self, opening: &Opening<'_>) -> Result<(), RecordingProblem> {
@@ -101,31 +88,14 @@ impl RecordingWriter {
         has_space.then_some(()).ok_or_else(|| RecordingProblem::Unwritable(std::io::ErrorKind::StorageFull.into()))
     }
 
-    /// Writes a message, and its header before it if its topic has one. The buffer is [`Self::released`] once its
-    /// content is in the file.
-    pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: Encoded) -> Result<(), RecordingProblem> {
-        if encoded.held.is_none() && encoded.len() <= COPIED_BYTES {
-            let written = encoded.parts(topic).try_for_each(|(topic, data)| self.write_one(topic, times, data));
-            self.free_buffers.push(encoded);
-            return written;
-        }
-        let parts: Vec<_> = encoded.ranges(topic).collect();
-        let buffer = self.mcap.hold(encoded).map_err(RecordingProblem::Unwritable)?;
-        parts.into_iter().try_for_each(|(topic, range)| {
-            let header = self.next_header(topic, times);
-            self.message(&header, Content::Held(buffer, range))
-        })
-    }
-
-    /// Returns the buffers that are no longer needed.
-    pub(super) fn released(&mut self) -> impl Iterator<Item = Encoded> {
-        self.free_buffers.drain(..).chain(self.mcap.released())
+    /// Writes a message, and its header before it if its topic has one. The buffer is not needed afterwards.
+    pub(super) fn write(&mut self, topic: Topic, times: Times, encoded: &Encoded) -> Result<(), RecordingProblem> {
+        encoded.ranges(topic).try_for_each(|(topic, range)| self.message(topic, times, encoded.slices(&range)))
     }
 
     /// Writes one message.
     pub(super) fn write_one(&mut self, topic: Topic, times: Times, data: &[u8]) -> Result<(), RecordingProblem> {
-        let header = self.next_header(topic, times);
-        self.message(&header, Content::Copied(data))
+        self.message(topic, times, [data, &[]])
     }
 
     /// Writes one message with this sequence number. Later messages of the topic are numbered from there.
@@ -140,15 +110,11 @@ impl RecordingWriter {
         self.write_one(topic, times, data)
     }
 
-    fn message(&mut self, header: &MessageHeader, content: Content<'_>) -> Result<(), RecordingProblem> {
-        self.mcap.message(header, content).map_err(RecordingProblem::Unwritable)
-    }
-
-    /// Creates the header of the next message of a topic.
-    fn next_header(&mut self, topic: Topic, times: Times) -> MessageHeader {
+    fn message(&mut self, topic: Topic, times: Times, content: [&[u8]; 2]) -> Result<(), RecordingProblem> {
         let Channel { id, sequence } = *self.channel(topic);
         self.channel(topic).sequence = sequence.wrapping_add(1);
-        MessageHeader { channel_id: id, sequence, log_time: times.log_ns, publish_time: times.publish_ns }
+        let header = MessageHeader { channel_id: id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
+        self.mcap.message(&header, content).map_err(RecordingProblem::Unwritable)
     }
 
     fn channel(&mut self, topic: Topic) -> &mut Channel {
@@ -181,7 +147,7 @@ impl RecordingWriter {
 
     /// Closes the chunk and hands everything to the kernel, so that it is kept if the process dies.
     pub(super) fn flush(&mut self) -> Result<(), RecordingProblem> {
-        self.mcap.close_chunk().map_err(RecordingProblem::Unwritable)
+        self.mcap.flush().map_err(RecordingProblem::Unwritable)
     }
 
     /// Synchronizes the flushed data to the disk, so that it is kept if the computer fails.

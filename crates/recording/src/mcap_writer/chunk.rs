@@ -1,35 +1,22 @@
-//! The unfinished chunk: small parts that were copied, and held buffers between them.
+//! The unfinished chunk: where it starts, its checksum, and the index of its messages.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 use crc32fast::Hasher;
 use mcap::records::{MessageHeader, op};
 
 use super::records::{push_counted, push_record, short};
-use crate::recordable::Encoded;
 
-/// Size of the fields before the content of a message, bytes: channel, sequence number and two times.
-const MESSAGE_HEAD_BYTES: u64 = 2 + 4 + 8 + 8;
+/// Size of the chunk record before the records in it, bytes: opcode, length, and the fields of [`Chunk::head`].
+pub(super) const HEAD_BYTES: usize = 9 + 40;
 
-/// Content of a message.
-#[derive(Clone, Debug)]
-pub(crate) enum Content<'a> {
-    /// Bytes to be copied.
-    Copied(&'a [u8]),
-    /// A range of a held buffer, by its index.
-    Held(usize, Range<usize>),
-}
-
-/// Records that are not written yet.
-#[derive(Debug, Default)]
+/// A chunk that is not closed yet.
+#[derive(Debug)]
 pub(super) struct Chunk {
-    /// All bytes that are not in held buffers.
-    copied: Vec<u8>,
-    buffers: Vec<Encoded>,
-    /// Held parts: number of `copied` bytes before the part, index of its buffer, and range in the buffer.
-    parts: Vec<(usize, usize, Range<usize>)>,
-    bytes: u64,
+    /// Start of the chunk record in the file.
+    pub(super) start: u64,
+    /// Checksum of the records.
+    pub(super) crc: Hasher,
     /// Times of the first and the last message.
     bounds_ns: Option<[u64; 2]>,
     /// Time and offset of each message, by channel.
@@ -37,13 +24,13 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    pub(super) fn is_empty(&self) -> bool {
-        self.bytes == 0
+    pub(super) fn new(start: u64) -> Self {
+        Self { start, crc: Hasher::new(), bounds_ns: None, messages: BTreeMap::new() }
     }
 
-    /// Size of all records, bytes.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes
+    /// Size of the records up to `end` in the file, bytes.
+    pub(super) fn bytes(&self, end: u64) -> u64 {
+        end - self.start - HEAD_BYTES as u64
     }
 
     /// Times of the first and the last message; 0 without messages.
@@ -51,72 +38,27 @@ impl Chunk {
         self.bounds_ns.unwrap_or_default()
     }
 
-    /// Adds a buffer and returns its index.
-    pub(super) fn hold(&mut self, buffer: Encoded) -> usize {
-        self.buffers.push(buffer);
-        self.buffers.len() - 1
-    }
-
-    /// Adds a complete record.
-    pub(super) fn push_record(&mut self, record: &[u8]) {
-        self.copied.extend(record);
-        self.bytes += record.len() as u64;
-    }
-
-    /// Adds a message.
-    pub(super) fn push_message(&mut self, header: &MessageHeader, content: Content<'_>) {
-        let length = match &content {
-            Content::Copied(bytes) => bytes.len(),
-            Content::Held(_, range) => range.len(),
-        };
+    /// Adds a message to the index. Its record starts at `offset` in the file.
+    pub(super) fn add_message(&mut self, header: &MessageHeader, offset: u64) {
         let [first, last] = self.bounds_ns.unwrap_or([header.log_time; 2]);
         self.bounds_ns = Some([first.min(header.log_time), last.max(header.log_time)]);
-        self.messages.entry(header.channel_id).or_default().push((header.log_time, self.bytes));
-        let start = self.copied.len();
-        self.copied.push(op::MESSAGE);
-        self.copied.extend((MESSAGE_HEAD_BYTES + length as u64).to_le_bytes());
-        self.copied.extend(header.channel_id.to_le_bytes());
-        self.copied.extend(header.sequence.to_le_bytes());
-        self.copied.extend(header.log_time.to_le_bytes());
-        self.copied.extend(header.publish_time.to_le_bytes());
-        self.bytes += (self.copied.len() - start + length) as u64;
-        match content {
-            Content::Copied(bytes) => self.copied.extend(bytes),
-            Content::Held(buffer, range) => self.parts.push((self.copied.len(), buffer, range)),
-        }
+        let message = (header.log_time, self.bytes(offset));
+        self.messages.entry(header.channel_id).or_default().push(message);
     }
 
-    /// Returns all bytes of the records in their order.
-    pub(super) fn pieces(&self) -> impl Iterator<Item = &[u8]> {
-        let starts = std::iter::once(0).chain(self.parts.iter().map(|(before, ..)| *before));
-        let ends = self.parts.iter().map(|(before, ..)| *before).chain([self.copied.len()]);
-        let copied = starts.zip(ends).map(|(start, end)| &self.copied[start..end]);
-        let parts = self.parts.iter().map(|(_, buffer, range)| self.buffers[*buffer].slices(range));
-        let parts = parts.chain([Default::default()]);
-        copied.zip(parts).flat_map(|(copied, [encoded, held])| [copied, encoded, held])
-    }
-
-    /// Returns the checksum of the records.
-    pub(super) fn crc(&self) -> Hasher {
-        let mut crc = Hasher::new();
-        self.pieces().for_each(|piece| crc.update(piece));
-        crc
-    }
-
-    /// Returns the start of the chunk record, up to the records.
-    pub(super) fn head(&self, crc: u32) -> Vec<u8> {
-        let mut head = Vec::new();
-        push_record(&mut head, op::CHUNK, |out| {
-            out.extend(self.bounds_ns().into_iter().flat_map(u64::to_le_bytes));
-            out.extend(self.bytes.to_le_bytes());
-            out.extend(crc.to_le_bytes());
-            // The name of the compression is empty: no compression.
-            out.extend(short(0));
-            out.extend(self.bytes.to_le_bytes());
-        });
-        // The length of the chunk record includes the records, which are not part of this head.
-        let content = (head.len() - 9) as u64 + self.bytes;
-        head[1..9].copy_from_slice(&content.to_le_bytes());
+    /// Returns the start of the chunk record, up to the records, which end at `end` in the file.
+    pub(super) fn head(&self, end: u64) -> [u8; HEAD_BYTES] {
+        let bytes = self.bytes(end);
+        let mut fields = vec![op::CHUNK];
+        fields.extend((HEAD_BYTES as u64 - 9 + bytes).to_le_bytes());
+        fields.extend(self.bounds_ns().into_iter().flat_map(u64::to_le_bytes));
+        fields.extend(bytes.to_le_bytes());
+        fields.extend(self.crc.clone().finalize().to_le_bytes());
+        // The name of the compression is empty: no compression.
+        fields.extend(short(0));
+        fields.extend(bytes.to_le_bytes());
+        let mut head = [0; HEAD_BYTES];
+        head.copy_from_slice(&fields);
         head
     }
 
@@ -138,14 +80,5 @@ impl Chunk {
             });
         }
         (out, offsets)
-    }
-
-    /// Empties the chunk and returns its buffers. Their held content is dropped.
-    pub(super) fn clear(&mut self) -> impl Iterator<Item = Encoded> {
-        self.copied.clear();
-        self.parts.clear();
-        self.messages.clear();
-        (self.bytes, self.bounds_ns) = (0, None);
-        self.buffers.drain(..).map(|buffer| Encoded { held: None, ..buffer })
     }
 }

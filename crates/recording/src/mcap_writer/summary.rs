@@ -76,25 +76,18 @@ impl Summary {
         self.bounds_ns = Some([first.min(header.log_time), last.max(header.log_time)]);
     }
 
-    /// Adds a chunk at `offset`, with `head_bytes` before its records, and the message indexes after it.
-    pub(super) fn add_chunk(
-        &mut self,
-        chunk: &Chunk,
-        offset: u64,
-        head_bytes: u64,
-        index_offsets: &BTreeMap<u16, u64>,
-        index_bytes: u64,
-    ) {
+    /// Adds a chunk that ends at `end` in the file, and the message indexes after it.
+    pub(super) fn add_chunk(&mut self, chunk: &Chunk, end: u64, index_offsets: &BTreeMap<u16, u64>, index_bytes: u64) {
         self.chunks += 1;
         push_record(&mut self.chunk_indexes, op::CHUNK_INDEX, |out| {
             out.extend(chunk.bounds_ns().into_iter().flat_map(u64::to_le_bytes));
-            out.extend(offset.to_le_bytes());
-            out.extend((head_bytes + chunk.bytes()).to_le_bytes());
+            out.extend(chunk.start.to_le_bytes());
+            out.extend((end - chunk.start).to_le_bytes());
             push_numbers(out, index_offsets);
             out.extend(index_bytes.to_le_bytes());
             push_string(out, "");
-            out.extend(chunk.bytes().to_le_bytes());
-            out.extend(chunk.bytes().to_le_bytes());
+            out.extend(chunk.bytes(end).to_le_bytes());
+            out.extend(chunk.bytes(end).to_le_bytes());
         });
     }
 

@@ -1,5 +1,8 @@
 //! The recorder reports every loss, and a partial file never has the name of a recording.
 
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
 use fringeflow::cloud::RECORD_BYTES;
 
 use super::*;
@@ -24,6 +27,24 @@ fn messages_lost_by_a_full_queue_are_reported_in_the_file() {
     assert_eq!(recording.recorder_account()["lost.queue_full/cam1/frame"], "2");
     let log: Vec<_> = recording.messages_of(Topic::Log).map(|m| m.unwrap().content).collect();
     assert!(matches!(&log[..], [Content::Loss(text)] if text.starts_with("2 messages were lost")), "{log:?}");
+}
+
+#[test]
+fn a_held_image_is_dropped_once_it_is_copied() {
+    let folder = Folder::new();
+    let recorder = start_recording(&folder, "a.mcap");
+    let header = frame(1, 0);
+    let image: Arc<[u8]> = frame_bytes(&header).into();
+    let started = Instant::now();
+    // More of them than can be held, each once the one before was dropped.
+    for _ in 0..3 * MAX_HELD_IMAGES {
+        recorder.push_held(&header, Arc::clone(&image));
+        while Arc::strong_count(&image) > 1 {
+            assert!(started.elapsed() < Duration::from_secs(60), "the image is still held");
+            std::thread::yield_now();
+        }
+    }
+    assert_eq!(finished(recorder).count(Topic::Cam1Frame), 3 * MAX_HELD_IMAGES);
 }
 
 #[test]

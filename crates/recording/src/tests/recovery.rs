@@ -24,7 +24,7 @@ fn chunked_recording(folder: &Folder) -> Vec<u8> {
             let mut encoded = Encoded::default();
             message.encode(&mut encoded);
             let topic = message.topic().unwrap();
-            writer.write(topic, message.times(), encoded).unwrap();
+            writer.write(topic, message.times(), &encoded).unwrap();
             counts.for_topic(topic).taken += 1;
             counts.for_topic(topic).passed += 1;
         }
