@@ -36,7 +36,9 @@ impl BufferPool {
     /// Returns a buffer with room for `bytes`; `None` if the limit would be exceeded.
     pub(super) fn take(&self, bytes: usize) -> Option<Encoded> {
         let mut state = self.lock();
-        if let Some(i) = state.free.iter().rposition(|buffer| buffer.bytes.capacity() >= bytes) {
+        // The smallest that is large enough, so that a short message leaves the buffer of a cloud to the next cloud.
+        let fitting = state.free.iter().enumerate().filter(|(_, buffer)| buffer.bytes.capacity() >= bytes);
+        if let Some((i, _)) = fitting.min_by_key(|(_, buffer)| buffer.bytes.capacity()) {
             return Some(state.free.swap_remove(i));
         }
         // If the free buffers are too small, some are dropped so that a larger one fits within the limit.
@@ -79,6 +81,16 @@ mod tests {
         let address = first.bytes.as_ptr();
         buffers.give_back(first);
         assert_eq!(buffers.take(600).unwrap().bytes.as_ptr(), address);
+    }
+
+    #[test]
+    fn a_short_message_leaves_a_large_buffer_to_others() {
+        let buffers = BufferPool::new(1000);
+        let [large, small] = [600, 300].map(|bytes| buffers.take(bytes).unwrap());
+        buffers.give_back(small);
+        buffers.give_back(large);
+        assert!(buffers.take(200).unwrap().bytes.capacity() < 600);
+        assert!(buffers.take(600).is_some());
     }
 
     #[test]
