@@ -18,13 +18,7 @@ fn chunked_recording(folder: &Folder) -> Vec<u8> {
     let mut counts = RecorderCounts::default();
     for sequence in 0..PAIRS {
         for camera in [1, 2] {
-            let header = frame(camera, sequence);
-            let image = frame_bytes(&header);
-            let message = Recordable::Frame { header: &header, image: &image };
-            let mut encoded = Encoded::default();
-            message.encode(&mut encoded);
-            let topic = message.topic().unwrap();
-            writer.write(topic, message.times(), &encoded).unwrap();
+            let topic = write_image(&mut writer, &frame(camera, sequence));
             counts.for_topic(topic).taken += 1;
             counts.for_topic(topic).passed += 1;
         }
@@ -32,6 +26,16 @@ fn chunked_recording(folder: &Folder) -> Vec<u8> {
     }
     writer.finish(&counts.metadata("end")).unwrap();
     std::fs::read(path).unwrap()
+}
+
+fn write_image(writer: &mut RecordingWriter, header: &FrameHeader) -> Topic {
+    let image = frame_bytes(header);
+    let message = Recordable::Frame { header, image: &image };
+    let mut encoded = Encoded::default();
+    message.encode(&mut encoded);
+    let topic = message.topic().unwrap();
+    writer.write(topic, message.times(), &encoded).unwrap();
+    topic
 }
 
 /// Recovers a file of these bytes; `None` if that fails.
@@ -174,6 +178,26 @@ fn flushed_messages_of_a_killed_recorder_are_recovered() {
     assert_eq!(count_images(&recording), 2 * PAIRS as usize);
     assert_eq!((report.left_out, recording.lost_messages()), (0, None));
     assert!(recording.check(|| ()).unwrap().has_losses());
+}
+
+#[test]
+fn a_kill_loses_only_what_was_written_after_the_last_flush() {
+    let folder = Folder::new();
+    let mut writer = RecordingWriter::create(&folder.path("a.mcap"), &opening(&Origin::default())).unwrap();
+    let saved = || {
+        let left = std::fs::read(folder.path("a.mcap.part")).unwrap();
+        let (report, recording) = recovered(&folder, &left).unwrap();
+        // Nothing is missing but the end of the file.
+        assert_eq!((report.faults.len(), report.left_out), (1, 0), "{:?}", report.faults);
+        assert!(report.faults[0].contains("after a complete record"), "{:?}", report.faults);
+        count_images(&recording.unwrap())
+    };
+    for sequence in 0..2 * PAIRS {
+        write_image(&mut writer, &frame(1, sequence));
+        assert_eq!(saved(), sequence as usize);
+        writer.flush().unwrap();
+        assert_eq!(saved(), sequence as usize + 1);
+    }
 }
 
 #[test]
