@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use fringeflow_dataset::{GreyImage, Setup};
 use fringeflow_message::{FrameHeader, PixelFormat};
-use fringeflow_recording::{Opening, Origin, Recorder};
+use fringeflow_recording::{Opening, Origin, Recordable, Recorder};
 
 use super::bench::Bench;
 use super::clock::{contender, interleave};
@@ -92,7 +92,8 @@ impl Images {
                     std::thread::sleep(POLL_INTERVAL);
                 }
                 let header = header(self.size_px, camera as u32 + 1, number);
-                recorder.push_held(&header, Arc::clone(self.image(camera, number)));
+                let image = Arc::clone(self.image(camera, number));
+                recorder.push_held(&header, image, |header, image| Recordable::Frame { header, image });
             }
         }
         recorder.finish().unwrap();

@@ -238,29 +238,38 @@ impl Recordable<'_> {
 
     /// Encodes the message into a buffer and replaces its content.
     pub fn encode(&self, out: &mut Encoded) {
-        out.bytes.clear();
-        out.held = None;
-        let bytes = &mut out.bytes;
+        let payload = self.encode_head(out);
+        out.bytes.extend_from_slice(payload);
+    }
+
+    /// Encodes the message into a buffer and replaces its content. The payload is left out; it follows, and is returned.
+    pub(super) fn encode_head(&self, out: &mut Encoded) -> &[u8] {
+        let Encoded { bytes, held, split } = out;
+        bytes.clear();
+        *held = None;
+        let mut payload_field = None;
         match self {
             Self::Frame { header, image } => {
-                encode_frame(header, image.len(), out);
-                out.bytes.extend_from_slice(image);
+                append_struct::<schema::FrameHeader>(bytes, header);
+                *split = bytes.len();
+                append(bytes, &viewers::raw_image(header));
+                payload_field = Some((DATA_KEY, *image));
             }
             Self::Cloud { header, records } => {
                 append_struct::<schema::CloudHeader>(bytes, header);
-                out.split = bytes.len();
+                *split = bytes.len();
                 append(bytes, &viewers::point_cloud(header));
-                append_bytes(bytes, DATA_KEY, records);
+                payload_field = Some((DATA_KEY, *records));
             }
             Self::Maps { header, payload } => {
                 let header = schema::MapsHeader::from_struct(header);
                 append(bytes, &schema::PhaseMaps { header, ..Default::default() });
-                append_bytes(bytes, PAYLOAD_KEY, payload);
+                payload_field = Some((PAYLOAD_KEY, *payload));
             }
             Self::Correspondences { header, payload } => {
                 let header = schema::CorrespondenceHeader::from_struct(header);
                 append(bytes, &schema::CorrespondenceMap { header, ..Default::default() });
-                append_bytes(bytes, PAYLOAD_KEY, payload);
+                payload_field = Some((PAYLOAD_KEY, *payload));
             }
             Self::Pattern(event) => append_struct::<schema::PatternEvent>(bytes, event),
             Self::Report(report) => append_struct::<schema::StageReport>(bytes, report),
@@ -274,7 +283,7 @@ impl Recordable<'_> {
             }
             Self::Model { header, points } => {
                 append(bytes, &viewers::model_cloud(header));
-                append_bytes(bytes, DATA_KEY, points);
+                payload_field = Some((DATA_KEY, *points));
             }
             Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
             Self::Event { time_ns, is_warning, source, text } => {
@@ -282,19 +291,12 @@ impl Recordable<'_> {
                 append(bytes, &log_message(*time_ns, level, source, text));
             }
         }
+        let Some((key, payload)) = payload_field else { return &[] };
+        // The order of the fields does not matter, so the payload can be the last one.
+        bytes.push(key);
+        let _ = prost::encode_length_delimiter(payload.len(), bytes);
+        payload
     }
-}
-
-/// Encodes an image into a buffer and replaces its content. The `image_bytes` bytes of the image itself are not
-/// included.
-pub(super) fn encode_frame(header: &FrameHeader, image_bytes: usize, out: &mut Encoded) {
-    let Encoded { bytes, held, split } = out;
-    bytes.clear();
-    *held = None;
-    append_struct::<schema::FrameHeader>(bytes, header);
-    *split = bytes.len();
-    append(bytes, &viewers::raw_image(header));
-    append_length(bytes, DATA_KEY, image_bytes);
 }
 
 fn has_possible_length(window: &Window) -> bool {
@@ -308,18 +310,6 @@ fn append(bytes: &mut Vec<u8>, message: &impl prost::Message) {
 
 fn append_struct<M: Convert + prost::Message + Default>(bytes: &mut Vec<u8>, source: &M::Struct) {
     append(bytes, &M::from_struct(source).unwrap_or_default());
-}
-
-/// Adds a bytes field to an encoded message. The order of the fields does not matter.
-fn append_bytes(bytes: &mut Vec<u8>, key: u8, content: &[u8]) {
-    append_length(bytes, key, content.len());
-    bytes.extend_from_slice(content);
-}
-
-/// Adds the key and the length of a bytes field.
-fn append_length(bytes: &mut Vec<u8>, key: u8, length: usize) {
-    bytes.push(key);
-    let _ = prost::encode_length_delimiter(length, bytes);
 }
 
 /// Size of a row without padding, bytes.

@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 
-use fringeflow_message::{DropReason, FrameHeader};
+use fringeflow_message::DropReason;
 
 use crate::buffers::{BufferPool, Item};
 use crate::held_content::{HeldContent, HeldSlots};
 use crate::opening::monotonic_ns;
-use crate::recordable::{Encoded, MAX_HEADER_BYTES, Times, encode_frame};
+use crate::recordable::{Encoded, MAX_HEADER_BYTES, Times};
 use crate::writer::{Opening, RecordingWriter};
 use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem, Topic};
 
@@ -29,6 +29,8 @@ pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
 /// Maximum number of images held at once: those that arrive while a chunk is written, and fewer than a channel allows its
 /// subscribers to hold.
 pub const MAX_HELD_IMAGES: usize = 8;
+/// Maximum number of clouds held at once: their channel allows two, and one of them is being received.
+const MAX_HELD_CLOUDS: usize = 1;
 /// Longest time until a message is handed to the kernel.
 const FLUSH_INTERVAL: Duration = Duration::from_millis(500);
 /// Longest time until a message is synchronized to the disk.
@@ -49,7 +51,8 @@ pub struct Recorder {
     shared: Arc<Shared>,
     /// Queue to the writer thread, bounded by the size of the buffers; `None` once closed.
     items: Option<Sender<Item>>,
-    slots: HeldSlots,
+    image_slots: HeldSlots,
+    cloud_slots: HeldSlots,
     thread: Option<JoinHandle<Result<PathBuf, RecordingError>>>,
 }
 
@@ -80,7 +83,8 @@ impl Recorder {
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&thread_shared, queue, writer).run());
         let thread = thread.map_err(|e| RecordingProblem::Unwritable(e).in_file(target))?;
-        Ok(Self { shared, items: Some(items), slots: HeldSlots::new(MAX_HELD_IMAGES), thread: Some(thread) })
+        let [image_slots, cloud_slots] = [MAX_HELD_IMAGES, MAX_HELD_CLOUDS].map(HeldSlots::new);
+        Ok(Self { shared, items: Some(items), image_slots, cloud_slots, thread: Some(thread) })
     }
 
     /// Takes a message, or counts it as lost; never waits for the disk.
@@ -92,15 +96,22 @@ impl Recorder {
         self.enqueue(topic, message.times(), message.encoded_size(), |encoded| message.encode(encoded));
     }
 
-    /// Takes an image without copying it. The image must not change until it is dropped: the writer thread copies it. At
-    /// most [`MAX_HELD_IMAGES`] are held at once; further images are copied.
-    pub fn push_held(&self, header: &FrameHeader, image: impl AsRef<[u8]> + Send + 'static) {
-        let message = Recordable::Frame { header, image: image.as_ref() };
-        let Some((topic, slot)) = message.topic().zip(self.slots.take()) else { return self.push(&message) };
-        let (times, image_bytes) = (message.times(), image.as_ref().len());
-        self.enqueue(topic, times, MAX_HEADER_BYTES, |encoded| {
-            encode_frame(header, image_bytes, encoded);
-            encoded.held = Some(HeldContent::new(image, slot));
+    /// Takes an image or a cloud without copying its content, and describes it as a message. The content must not change
+    /// until it is dropped, once the writer thread has copied it. At most [`MAX_HELD_IMAGES`] and one cloud are held at
+    /// once; further ones are copied.
+    pub fn push_held<H>(
+        &self,
+        header: &H,
+        content: impl AsRef<[u8]> + Send + 'static,
+        message: for<'a> fn(&'a H, &'a [u8]) -> Recordable<'a>,
+    ) {
+        let whole = message(header, content.as_ref());
+        let topic = whole.topic();
+        let slots = if topic == Some(Topic::Cloud) { &self.cloud_slots } else { &self.image_slots };
+        let Some((topic, slot)) = topic.zip(slots.take()) else { return self.push(&whole) };
+        self.enqueue(topic, whole.times(), MAX_HEADER_BYTES, |encoded| {
+            message(header, content.as_ref()).encode_head(encoded);
+            encoded.held = Some(HeldContent::new(content, slot));
         });
     }
 

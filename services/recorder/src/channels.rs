@@ -38,20 +38,21 @@ struct NumberedSubscriber<H: Header, P: Payload + ?Sized> {
 pub(crate) enum Incoming<'a> {
     /// A message that is copied at once.
     Message(Recordable<'a>),
-    /// An image that may stay in shared memory until it is in the file.
-    Image(Image),
+    /// An image or cloud that may stay in shared memory until the writer has copied it.
+    Image(Held<FrameHeader>),
+    Cloud(Held<CloudHeader>),
 }
 
-/// An image in shared memory.
-pub(crate) struct Image(Received<FrameHeader, [u8]>);
+/// A message in shared memory.
+pub(crate) struct Held<H: Header>(Received<H, [u8]>);
 
-impl Image {
-    pub(crate) fn header(&self) -> FrameHeader {
+impl<H: Header + Copy> Held<H> {
+    pub(crate) fn header(&self) -> H {
         *self.0.header()
     }
 }
 
-impl AsRef<[u8]> for Image {
+impl<H: Header> AsRef<[u8]> for Held<H> {
     fn as_ref(&self) -> &[u8] {
         self.0.payload()
     }
@@ -116,7 +117,7 @@ impl Channels {
             );
             for camera in &mut self.cameras {
                 if let Some((image, missing)) = camera.receive(|header, _| header.published) {
-                    on_message(Incoming::Image(Image(image)), missing);
+                    on_message(Incoming::Image(Held(image)), missing);
                     has_received = true;
                 }
             }
@@ -145,12 +146,10 @@ impl Channels {
                     },
                 );
             }
-            has_received |= self.clouds.handle_next(
-                |header, _| header.published,
-                |header, records, missing| {
-                    on_message(Incoming::Message(Recordable::Cloud { header, records }), missing);
-                },
-            );
+            if let Some((cloud, missing)) = self.clouds.receive(|header, _| header.published) {
+                on_message(Incoming::Cloud(Held(cloud)), missing);
+                has_received = true;
+            }
             has_received |= self.window_reports.handle_next(
                 |(), report| report.published,
                 |(), report, missing| {

@@ -49,7 +49,13 @@ impl Session {
         }
         match message {
             Incoming::Message(message) => self.recorder.push(&message),
-            Incoming::Image(image) => self.recorder.push_held(&image.header(), image),
+            Incoming::Image(image) => {
+                self.recorder.push_held(&image.header(), image, |header, image| Recordable::Frame { header, image });
+            }
+            Incoming::Cloud(cloud) => {
+                self.recorder
+                    .push_held(&cloud.header(), cloud, |header, records| Recordable::Cloud { header, records });
+            }
         }
     }
 

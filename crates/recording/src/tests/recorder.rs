@@ -38,13 +38,27 @@ fn a_held_image_is_dropped_once_it_is_copied() {
     let started = Instant::now();
     // More of them than can be held, each once the one before was dropped.
     for _ in 0..3 * MAX_HELD_IMAGES {
-        recorder.push_held(&header, Arc::clone(&image));
+        recorder.push_held(&header, Arc::clone(&image), |header, image| Recordable::Frame { header, image });
         while Arc::strong_count(&image) > 1 {
             assert!(started.elapsed() < Duration::from_secs(60), "the image is still held");
             std::thread::yield_now();
         }
     }
     assert_eq!(finished(recorder).count(Topic::Cam1Frame), 3 * MAX_HELD_IMAGES);
+}
+
+#[test]
+fn held_content_is_recorded_as_if_it_were_copied() {
+    let folder = Folder::new();
+    let [copied, held] = ["copied.mcap", "held.mcap"].map(|name| start_recording(&folder, name));
+    let (header, points) = (cloud(3), vec![7; 3 * RECORD_BYTES]);
+    copied.push(&Recordable::Cloud { header: &header, records: &points });
+    held.push_held(&header, points, |header, records| Recordable::Cloud { header, records });
+    let image = frame_bytes(&frame(2, 5));
+    copied.push(&Recordable::Frame { header: &frame(2, 5), image: &image });
+    held.push_held(&frame(2, 5), image, |header, image| Recordable::Frame { header, image });
+    let contents = |recorder| finished(recorder).messages().map(|m| format!("{:?}", m.unwrap())).collect::<Vec<_>>();
+    assert_eq!(contents(copied), contents(held));
 }
 
 #[test]

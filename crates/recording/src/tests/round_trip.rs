@@ -63,7 +63,7 @@ fn held_images_are_recorded_like_copied_ones() {
             let header = frame(1 + sequence as u32 % 2, sequence);
             let image = frame_bytes(&header);
             if is_held {
-                recorder.push_held(&header, image);
+                recorder.push_held(&header, image, |header, image| Recordable::Frame { header, image });
             } else {
                 recorder.push(&Recordable::Frame { header: &header, image: &image });
             }
