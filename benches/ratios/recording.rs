@@ -1,5 +1,5 @@
-//! Recording images, relative to a plain write of as many bytes through the page cache, on a disk and in memory (tmpfs).
-//! Both are synchronized at the end. The plain write fills pages that the one before it set free, so it costs the
+//! Recording images, relative to a plain write of as many bytes through the page cache, on a disk and in memory. Both
+//! are synchronized at the end. The plain write fills pages that the one before it set free, so it costs the
 //! kernel the least that it can: pages that were never used cost several times as much.
 //!
 //! Like those of cameras, images are pushed only when the previous ones are being written. Pushed all at once, they

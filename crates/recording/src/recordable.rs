@@ -242,7 +242,7 @@ impl Recordable<'_> {
         out.bytes.extend_from_slice(payload);
     }
 
-    /// Encodes the message into a buffer and replaces its content. The payload is left out; it follows, and is returned.
+    /// Encodes the message into a buffer and replaces its content. The payload is left out and returned; it comes last.
     pub(super) fn encode_head(&self, out: &mut Encoded) -> &[u8] {
         let Encoded { bytes, held, split } = out;
         bytes.clear();

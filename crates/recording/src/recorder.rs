@@ -26,8 +26,8 @@ use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem, Topic}
 pub const DEFAULT_QUEUE_BYTES: usize = 256 << 20;
 /// Default free space that stays on the disk, bytes.
 pub const DEFAULT_MIN_FREE_BYTES: u64 = 1 << 30;
-/// Maximum number of images held at once: those that arrive while a chunk is written, and fewer than a channel allows its
-/// subscribers to hold.
+/// Maximum number of images held at once: those that arrive while a chunk is written, and fewer than a channel allows
+/// its subscribers to hold.
 pub const MAX_HELD_IMAGES: usize = 8;
 /// Maximum number of clouds held at once: their channel allows two, and one of them is being received.
 const MAX_HELD_CLOUDS: usize = 1;
@@ -96,9 +96,9 @@ impl Recorder {
         self.enqueue(topic, message.times(), message.encoded_size(), |encoded| message.encode(encoded));
     }
 
-    /// Takes an image or a cloud without copying its content, and describes it as a message. The content must not change
-    /// until it is dropped, once the writer thread has copied it. At most [`MAX_HELD_IMAGES`] and one cloud are held at
-    /// once; further ones are copied.
+    /// Takes an image or a cloud without copying its content; `message` makes the message of both. The content must not
+    /// change until it is dropped, once the writer thread has copied it. At most [`MAX_HELD_IMAGES`] and one cloud are
+    /// held at once; further ones are copied.
     pub fn push_held<H>(
         &self,
         header: &H,
