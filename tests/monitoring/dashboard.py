@@ -138,7 +138,7 @@ class Checks:
         services = self.wait_until_monitor_agrees("services", self.services_differ)
         stages = self.wait_until_monitor_agrees("stages", self.flow_differs)
         self.wait_until_monitor_agrees("drops", self.drops_differ, "losses")
-        self.wait_until_monitor_agrees("pace", self.pace_differs)
+        self.wait_until_monitor_agrees("capacity", self.capacity_differs)
         quantities = self.wait_until_monitor_agrees("window", self.health_differs)["health"]["quantities"]
         self.wait_for_change("#services-rows")
         self.wait_for_change("#flow-rows")
@@ -209,9 +209,10 @@ class Checks:
             return f"the summary of drops is “{summary}” for {lost} losses, but the monitor states “{losses}”"
         return None
 
-    def pace_differs(self, pace):
-        shown = self.page.text("#pace")
-        return None if shown == (f"{pace}." if pace else "") else f"the pace is shown as “{shown}”, but is “{pace}”"
+    def capacity_differs(self, capacity):
+        shown = self.page.text("#capacity")
+        expected = f"{capacity}." if capacity else ""
+        return None if shown == expected else f"the capacity is shown as “{shown}”, but is “{capacity}”"
 
     def pictures_show_the_object(self):
         hues = 0

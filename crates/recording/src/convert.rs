@@ -171,6 +171,9 @@ convert! {
     }
     to report {
         stage: Stage::from_name(&report.stage)? as u32,
+        work_ns: 0,
+        cpu_ns: 0,
+        processors: 0,
         counts: counts(report)?,
         skew: Skew {
             pairs: report.skew_pairs,

@@ -26,6 +26,7 @@
 
 #![forbid(unsafe_code)]
 
+mod capacity;
 mod cause;
 mod drop_lines;
 pub mod health;
@@ -34,8 +35,8 @@ mod history;
 mod interval;
 mod journey;
 mod latencies;
+mod load;
 mod losses;
-mod pace;
 mod run_report;
 mod stage_figures;
 mod tally;
@@ -44,6 +45,7 @@ mod tracking_figures;
 mod window_figures;
 mod worst_windows;
 
+pub use capacity::{Bound, Capacity, Remedy};
 pub use cause::Cause;
 pub use drop_lines::{DropKind, DropLine};
 pub use health_figures::{GaugeFigures, HealthFigures, HealthRecord};
@@ -51,8 +53,8 @@ pub use history::History;
 pub use interval::{Interval, Sample, WindowSample};
 pub use journey::{Journey, Segment};
 pub use latencies::{BUCKETS_NS, Latencies, Latency};
+pub use load::Load;
 pub use losses::Losses;
-pub use pace::Pace;
 pub use run_report::{Exposures, RunReport, WORST_WINDOWS};
 pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};

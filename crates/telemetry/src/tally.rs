@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use fringeflow_message::{Counts, Skew, Stage, StageReport};
 
 use super::journey::Journeys;
-use super::{Journey, Latencies, Segment};
+use super::load::LoadMeter;
+use super::{Journey, Latencies, Load, Segment};
 
 /// A stage counts as silent after this time without a report, nanoseconds.
 const SILENT_NS: u64 = 3_000_000_000;
@@ -32,6 +33,8 @@ pub struct StageTally {
     pub restarts: u32,
     /// Items passed per second.
     pub rate_hz: f64,
+    /// Number of processors that the instance may use; 0 if unknown.
+    pub processors: u64,
     /// Time of the last report.
     pub time_ns: u64,
     /// Start of the images of camera 2 relative to camera 1, for the stage that pairs them.
@@ -40,6 +43,7 @@ pub struct StageTally {
     pub latencies: Latencies,
     /// Time and count of passed items at the start of the present measurement of the rate.
     rate_from: (u64, u64),
+    meter: LoadMeter,
 }
 
 impl Tally {
@@ -90,10 +94,12 @@ impl StageTally {
             pid: 0,
             restarts: 0,
             rate_hz: 0.0,
+            processors: 0,
             time_ns: 0,
             skew: Skew::default(),
             latencies: Latencies::default(),
             rate_from: (report.time_ns, report.counts.passed),
+            meter: LoadMeter::new(report),
         }
     }
 
@@ -101,7 +107,9 @@ impl StageTally {
         self.counts = report.counts;
         self.pid = report.pid;
         self.restarts = report.restarts;
+        self.processors = report.processors;
         self.time_ns = report.time_ns;
+        self.meter.add(report);
         self.skew.join(&report.skew);
         if report.of_item != 0 {
             self.latencies.record(report.taken_ns, report.passed_ns);
@@ -112,6 +120,12 @@ impl StageTally {
             self.rate_hz = report.counts.passed.saturating_sub(passed) as f64 / (span_ns as f64 * 1e-9);
             self.rate_from = (report.time_ns, report.counts.passed);
         }
+    }
+
+    /// Returns its load in the last seconds; `None` before it has been measured for a second.
+    #[must_use]
+    pub fn load(&self) -> Option<Load> {
+        self.meter.load()
     }
 
     /// Whether the stage has not reported for three seconds.

@@ -137,7 +137,8 @@ impl Capture {
         }
         let exposure_start_ns = stamped.exposure_start_ns;
         let received_ns = image.received_ns;
-        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns: received_ns, passed_ns: clock::now_ns() };
+        let passed_ns = clock::now_ns();
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns: received_ns, passed_ns, waited_ns: 0 };
         self.report_item(host, Some(times));
         Ok(())
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use fringeflow_message::{Counts, Stage};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
-use fringeflow_telemetry::{DriftFigures, HealthRecord, Latency, Losses, Pace, SkewFigures, StageFigures};
+use fringeflow_telemetry::{Capacity, DriftFigures, HealthRecord, Latency, Losses, SkewFigures, StageFigures};
 
 use crate::failure::Failure;
 use crate::json;
@@ -26,9 +26,9 @@ pub(crate) struct Summary<'a> {
     health: &'a HealthRecord,
     /// Losses, each counted once.
     lost: Losses,
-    /// Rate that the machine sustains; `None` unless windows were left out for lack of time.
+    /// Rate that the machine held in the last seconds, what bounded it, and settings that help.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pace: Option<Pace>,
+    capacity: Option<Capacity>,
     restarts: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     recording: Option<&'a Path>,
@@ -65,11 +65,6 @@ pub(crate) fn check(outcome: &Outcome) -> Result<(), Failure> {
     if outcome.failed_services.is_empty() { Ok(()) } else { Err(Failure::Losses(describe_failed_services(outcome))) }
 }
 
-fn pace(outcome: &Outcome) -> Option<Pace> {
-    let (_, phase) = outcome.balance.0.iter().find(|(stage, _)| *stage == Stage::Phase)?;
-    Pace::new(outcome.run.cloud_rate_hz()?, phase)
-}
-
 fn describe_failed_services(outcome: &Outcome) -> String {
     let services: Vec<String> = outcome.failed_services.iter().map(|(name, how)| format!("{name}: {how}")).collect();
     format!("services ended with errors: {}", services.join(", "))
@@ -78,8 +73,9 @@ fn describe_failed_services(outcome: &Outcome) -> String {
 impl<'a> Summary<'a> {
     /// Summary of a live run. `report` is the path of its report.
     pub(crate) fn from_run(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
-        let exposure_to_cloud = outcome.run.tally().total().brief();
-        Self { exposure_to_cloud, report, pace: pace(outcome), ..Self::from_replay(outcome, None) }
+        let tally = outcome.run.tally();
+        let (exposure_to_cloud, capacity) = (tally.total().brief(), Capacity::from_tally(tally));
+        Self { exposure_to_cloud, report, capacity, ..Self::from_replay(outcome, None) }
     }
 
     /// Summary of a replay and its comparison with the recording. It has no latency from exposure to cloud, as the
@@ -93,7 +89,7 @@ impl<'a> Summary<'a> {
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             health: outcome.run.health(),
             lost: Losses::from_counts(&outcome.balance.0),
-            pace: None,
+            capacity: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
             trace: outcome.trace.as_deref(),
@@ -121,8 +117,8 @@ impl fmt::Display for Summary<'_> {
         if self.exposure_to_cloud.is_some() {
             writeln!(f, "{:<33}  {}", "exposure to cloud", times(self.exposure_to_cloud))?;
         }
-        if let Some(pace) = self.pace {
-            writeln!(f, "{pace}")?;
+        if let Some(capacity) = self.capacity {
+            writeln!(f, "{capacity}")?;
         }
         for StageFigures { stage, incidents, .. } in self.stages.iter().filter(|stage| !stage.incidents.is_empty()) {
             let survived: Vec<String> = incidents.iter().map(|(incident, n)| format!("{incident} {n}")).collect();

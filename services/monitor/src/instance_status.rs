@@ -11,7 +11,7 @@ use fringeflow_dataset::Setup;
 use fringeflow_message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow_runtime::{Preparation, live_services, sources};
 use fringeflow_telemetry::{
-    DropLine, Interval, Losses, Pace, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
+    Capacity, DropLine, Interval, Losses, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
     TrackingWatch, WindowFigures,
 };
 
@@ -191,7 +191,7 @@ impl InstanceStatus {
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::from_counts(&counts),
             "losses": Losses::from_counts(&counts).to_string(),
-            "pace": Pace::from_tally(&self.tally).map(|pace| pace.to_string()),
+            "capacity": Capacity::from_tally(&self.tally).map(|capacity| capacity.to_string()),
             "skew": SkewFigures::from_skew(&self.skew),
             "window": self.window,
             "health_for_s": self.health_for_s(now_ns),

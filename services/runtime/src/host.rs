@@ -12,7 +12,7 @@ use fringeflow_transport::{
 };
 use fringeflow_wire as wire;
 
-use crate::clock::now_ns;
+use crate::clock::{cpu_ns, now_ns};
 use crate::{Account, AccountError, ArgumentError, PreparationReporter, ServiceArgs, Stop, accounts_folder};
 
 /// Longest wait of a service for messages. Heartbeats and the reaction to a stop request are late by this at most.
@@ -71,6 +71,8 @@ pub struct Host {
     pub stop: Stop,
     accounts: PathBuf,
     restarts: u32,
+    /// Processors that the instance may use. The configuration may give this service fewer.
+    processors: u64,
     reports: Publisher<(), StageReport>,
     last_heartbeat_ns: u64,
     last_check_ns: u64,
@@ -87,6 +89,8 @@ pub struct ItemTimes {
     pub taken_ns: u64,
     /// When the stage passed it on.
     pub passed_ns: u64,
+    /// How long it waited in the stage for the next one.
+    pub waited_ns: u64,
 }
 
 impl Host {
@@ -97,6 +101,8 @@ impl Host {
     /// [`ServiceError`].
     pub fn open(arguments: &ServiceArgs, name: &'static str) -> Result<Self, ServiceError> {
         let configuration = arguments.configuration()?;
+        // Before this service is limited to some of them. The number is 0 if the system does not tell it.
+        let processors = std::thread::available_parallelism().map_or(0, |number| number.get() as u64);
         // Before any thread starts: threads inherit CPUs and priority.
         let grants = arguments.apply_processors(&configuration, name)?;
         let stop = Stop::from_signals().map_err(ServiceError::Signals)?;
@@ -120,6 +126,7 @@ impl Host {
             stop,
             accounts,
             restarts: arguments.restarts,
+            processors,
             reports,
             last_heartbeat_ns: 0,
             last_check_ns: 0,
@@ -224,6 +231,9 @@ impl Host {
             received_ns: times.received_ns,
             taken_ns: times.taken_ns,
             passed_ns: times.passed_ns,
+            work_ns: times.passed_ns.saturating_sub(times.taken_ns).saturating_sub(times.waited_ns),
+            cpu_ns: cpu_ns(),
+            processors: self.processors,
             counts: *counts,
             skew,
         };

@@ -166,9 +166,11 @@ impl<T: Transform> Service<'_, T> {
     }
 
     fn send_result(&mut self, window: &Window, taken_ns: u64, span: &WindowSpan) -> Result<(), ServiceError> {
+        let waiting_since_ns = now_ns();
         if let Some(next) = T::NEXT {
             self.host.wait_until_free(next, &self.account);
         }
+        let waited_ns = now_ns() - waiting_since_ns;
         let published = self.account.count_passed()?;
         span.work(|| {
             // A result that was not sent is missing in the channel, and the next stage counts it.
@@ -182,7 +184,7 @@ impl<T: Transform> Service<'_, T> {
         });
         self.last_reason = None;
         let (exposure_start_ns, received_ns) = (window.last_exposure_ns, window.received_ns);
-        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: now_ns() };
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: now_ns(), waited_ns };
         self.host.report(T::STAGE, self.account.counts(), Some(times));
         Ok(())
     }

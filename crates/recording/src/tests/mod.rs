@@ -203,6 +203,7 @@ fn report() -> StageReport {
         passed_ns: 6800,
         counts,
         skew: Skew { pairs: 45, sum_ns: -90, least_ns: -7, greatest_ns: 5 },
+        ..StageReport::default()
     }
 }
 

@@ -9,7 +9,7 @@ use fringeflow_runtime::processors::ResourceGrants;
 use fringeflow_runtime::{Preparation, accounts_folder, clock};
 use fringeflow_supervisor::{Observed, headline, observe, read_startup_status, stage_line};
 use fringeflow_telemetry::{
-    GaugeFigures, HealthFigures, Latency, Losses, Pace, StageFigures, StageTally, Tally, TrackingFigures,
+    Capacity, GaugeFigures, HealthFigures, Latency, Losses, StageFigures, StageTally, Tally, TrackingFigures,
 };
 use fringeflow_transport::{Instance, request};
 
@@ -44,8 +44,8 @@ struct Report {
     dashboard: Option<String>,
     /// Losses since the start, each counted once.
     lost: Losses,
-    /// Rate that the machine sustains; `null` unless windows are left out for lack of time.
-    pace: Option<Pace>,
+    /// Rate that the machine holds, what bounds it, and settings that help; `null` unless clouds were made.
+    capacity: Option<Capacity>,
     stages: Vec<StageReport>,
     /// CPUs, priority and memory of the services for which the configuration sets them.
     processors: BTreeMap<&'static str, ResourceGrants>,
@@ -106,8 +106,8 @@ impl Args {
             writeln!(out, "dashboard: {url}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
-        if let Some(pace) = Pace::from_tally(&observed.tally) {
-            writeln!(out, "{pace}")?;
+        if let Some(capacity) = Capacity::from_tally(&observed.tally) {
+            writeln!(out, "{capacity}")?;
         }
         for (stage, stage_tally) in observed.tally.stages() {
             writeln!(out, "{}", stage_line(stage, stage_tally, now_ns).trim_end())?;
@@ -139,7 +139,7 @@ impl Report {
             dashboard: dashboard_url(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             lost: losses(&tally),
-            pace: Pace::from_tally(&tally),
+            capacity: Capacity::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(instance),
             exposure_to_cloud: tally.total().brief(),

@@ -9,7 +9,6 @@ import { showRows } from "./table.js";
 export function showDrops({ figures }) {
     const drops = figures.drops ?? [];
     showSummary(drops, figures.losses);
-    showPace(figures.pace);
     showRows(byId("drops-rows"), drops.map(cellsOf));
     byId("drops-table").hidden = drops.length === 0;
     markLive("panel-drops");
@@ -20,13 +19,6 @@ function showSummary(drops, losses) {
     const summary = byId("drops-summary");
     setState(summary, "level", lost ? "error" : "ok");
     setText(summary, describe(lost ? losses : null, drops.length));
-}
-
-/** Shows the rate that the machine can hold, and settings that help. Hidden unless windows are skipped. */
-function showPace(pace) {
-    const line = byId("pace");
-    line.hidden = !pace;
-    setText(line, pace ? `${pace}.` : "");
 }
 
 function describe(losses, rows) {

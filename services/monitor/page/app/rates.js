@@ -1,7 +1,7 @@
-// Images, phase maps and clouds per second.
+// Images, phase maps and clouds per second, and the clouds that the machine holds.
 
 import { stageColour } from "./colours.js";
-import { byId } from "./elements.js";
+import { byId, setText } from "./elements.js";
 import { fixed, withUnit } from "./format.js";
 import { Legend } from "./legend.js";
 import { markLive } from "./panels.js";
@@ -24,12 +24,20 @@ export function makeRates() {
     const plot = new TimePlot(byId("rates-plot"), { series, unit: " /s", hovered: showLegend });
     const legend = new Legend(byId("rates-legend"), series, (index, shown) => plot.setShown(index, shown));
 
-    return ({ history }) => {
+    return ({ figures, history }) => {
         columns = SERIES.map(({ stage }) => history.column((sample) => sample.rates?.[stage]));
         plot.show(history.times(), columns);
         showLegend();
+        showCapacity(figures.capacity);
         if (history.last) {
             markLive("panel-rates");
         }
     };
+}
+
+/** Shows the rate that the machine holds, and settings that help. Hidden while no clouds are made. */
+function showCapacity(capacity) {
+    const line = byId("capacity");
+    line.hidden = !capacity;
+    setText(line, capacity ? `${capacity}.` : "");
 }

@@ -129,6 +129,7 @@ impl Decoding {
     }
 
     fn decode(&mut self, mut images: WindowImages<Image>, taken_ns: u64, host: &mut Host) -> Result<(), ServiceError> {
+        let waited_ns = clock::now_ns() - taken_ns;
         let prior = self.priors.for_window(&mut images.window);
         let [cam1, cam2] =
             [&images.cam1, &images.cam2].map(|images| images.iter().map(Image::levels).collect::<Vec<_>>());
@@ -148,7 +149,7 @@ impl Decoding {
             tracing::warn!("{error}");
         }
         let (exposure_start_ns, received_ns) = (images.window.last_exposure_ns, images.window.received_ns);
-        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: clock::now_ns() };
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: clock::now_ns(), waited_ns };
         host.report(Stage::Phase, self.account.counts(), Some(times));
         Ok(())
     }

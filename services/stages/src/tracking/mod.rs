@@ -161,7 +161,8 @@ impl TrackingStage {
             self.last_pose = report;
         }
         let (exposure_start_ns, received_ns) = (header.window.last_exposure_ns, header.window.received_ns);
-        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns: report.published_ns };
+        let passed_ns = report.published_ns;
+        let times = ItemTimes { exposure_start_ns, received_ns, taken_ns, passed_ns, waited_ns: 0 };
         host.report(Stage::Tracking, self.account.counts(), is_tracked.then_some(times));
         Ok(())
     }

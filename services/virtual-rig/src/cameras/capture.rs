@@ -63,7 +63,8 @@ impl Capture {
                 tracing::warn!("{error}");
             }
             let exposure_start_ns = shot.exposure_start_ns;
-            let times = ItemTimes { exposure_start_ns, received_ns: taken_ns, taken_ns, passed_ns: clock::now_ns() };
+            let passed_ns = clock::now_ns();
+            let times = ItemTimes { exposure_start_ns, received_ns: taken_ns, taken_ns, passed_ns, waited_ns: 0 };
             host.report(self.stage, self.account.counts(), Some(times));
         }
         Ok(())

@@ -89,6 +89,7 @@ impl Service {
             received_ns: taken_ns,
             taken_ns,
             passed_ns: clock::now_ns(),
+            waited_ns: 0,
         };
         host.report(Stage::Projector, self.account.counts(), Some(times));
         Ok(())
