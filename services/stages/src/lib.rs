@@ -6,7 +6,7 @@
 //!                              └───────────────────────────── prior ────────────────────────────┘
 //! ```
 //!
-//! Each service is thin: it opens its ports, calls a worker of the library, and counts the items that it takes, passes
+//! Each service is thin: it warms its worker up, opens its ports, calls a worker of the library, and counts the items that it takes, passes
 //! on and drops.
 
 #![forbid(unsafe_code)]
@@ -15,3 +15,4 @@ pub mod cloud;
 pub mod correspondence;
 pub mod phase;
 pub mod tracking;
+mod warm_up;

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use fringeflow::cloud::RECORD_BYTES;
+use fringeflow::cloud::{Cloud, RECORD_BYTES};
 use fringeflow::worker::CloudWorker;
 use fringeflow_message::{Block, CloudHeader, CorrespondenceHeader, DropReason, Stage, Window};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, clock, run_transform};
 use fringeflow_transport::{CLOUD, CORRESPONDENCE_MAP, Channel, Publisher, Received, TransportError};
 use fringeflow_wire as wire;
+
+use crate::warm_up::WarmUp;
 
 /// Runs the service until it is to stop.
 ///
@@ -16,8 +18,11 @@ use fringeflow_wire as wire;
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "cloud")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
-    let worker = CloudWorker::new(&host.setup.rig, table);
-    let worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let worker = CloudWorker::new(&host.setup.rig, Arc::clone(&table));
+    let mut worker = worker.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    if let Some(warm_up) = WarmUp::of(&host) {
+        warm_up.triangulate(&table, &mut worker, &mut Cloud::default())?;
+    }
     run_transform(&mut host, CloudStage { worker, correspondences: None })
 }
 

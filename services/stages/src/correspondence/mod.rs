@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
+use fringeflow::correspondence::SegmentTable;
 use fringeflow::phase::PhaseShifts;
 use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_dataset::Setup;
 use fringeflow_message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
 use fringeflow_runtime::{Dropped, Host, ServiceArgs, ServiceError, Transform, run_transform};
 use fringeflow_telemetry::health::{Health, HealthState, Quantity};
@@ -16,6 +19,8 @@ use fringeflow_wire::health::health_measures;
 use fringeflow_wire::in_step::InStep;
 use fringeflow_wire::window_report::window_report;
 
+use crate::warm_up::WarmUp;
+
 /// Runs the service until it is to stop.
 ///
 /// # Errors
@@ -23,21 +28,33 @@ use fringeflow_wire::window_report::window_report;
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
-    let cycle = PhaseShifts::new(host.setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
-    let measurement = &host.configuration.measurement;
-    let worker = CorrespondenceWorker::new(table, &cycle, measurement.settings.matching);
+    let mut worker = new_worker(&host.configuration, &host.setup, &table)?;
+    let mut correspondences = Correspondences::default();
+    if let Some(warm_up) = WarmUp::of(&host) {
+        warm_up.search(&mut worker, &mut correspondences)?;
+    }
     let stage = CorrespondenceStage {
         worker,
         header: MapsHeader::default(),
         maps: PhasePair::default(),
-        correspondences: Correspondences::default(),
-        health: Health::new(&measurement.health),
+        correspondences,
+        health: Health::new(&host.configuration.measurement.health),
         in_step: InStep::default(),
         states: [HealthState::NotKnown; Quantity::ALL.len()],
         slip_steps: [0; 2],
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
     };
     run_transform(&mut host, stage)
+}
+
+/// Returns a worker for a configuration.
+pub(crate) fn new_worker(
+    configuration: &ScannerConfiguration,
+    setup: &Setup,
+    table: &Arc<SegmentTable>,
+) -> Result<CorrespondenceWorker, ServiceError> {
+    let cycle = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    Ok(CorrespondenceWorker::new(Arc::clone(table), &cycle, configuration.measurement.settings.matching))
 }
 
 struct CorrespondenceStage {

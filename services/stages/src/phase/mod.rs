@@ -8,6 +8,8 @@ mod priors;
 
 use fringeflow::phase::{PhaseShifts, SequenceFaultKind};
 use fringeflow::worker::{ImagesError, PhasePair, PhaseWorker};
+use fringeflow_config::ScannerConfiguration;
+use fringeflow_dataset::Setup;
 use fringeflow_message::synchronization::WindowImages;
 use fringeflow_message::{Block, DropReason, MapsHeader, Stage};
 use fringeflow_runtime::{
@@ -20,14 +22,21 @@ use image::Image;
 use intake::Intake;
 use priors::PriorInput;
 
+use crate::warm_up::WarmUp;
+
 /// Runs the service until it is to stop.
 ///
 /// # Errors
 /// [`ServiceError`].
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "phase")?;
+    let mut worker = new_worker(&host.configuration, &host.setup)?;
+    let mut maps = PhasePair::default();
+    if let Some(warm_up) = WarmUp::of(&host) {
+        warm_up.decode(0, &mut worker, &mut maps);
+    }
     let mut intake = Intake::open(&host)?;
-    let mut decoding = Decoding::open(&host)?;
+    let mut decoding = Decoding::open(&host, worker, maps)?;
     loop {
         // Read before the channels are emptied, so that the last images of the cameras are processed too.
         let is_last = host.stop.is_requested();
@@ -58,6 +67,13 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     Ok(())
 }
 
+/// Returns a worker for a configuration.
+pub(crate) fn new_worker(configuration: &ScannerConfiguration, setup: &Setup) -> Result<PhaseWorker, ServiceError> {
+    let shifts = PhaseShifts::new(setup.cycle_shifts_rad()).map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    let validity = configuration.measurement.settings.validity;
+    Ok(PhaseWorker::new(&setup.rig, &setup.sequence.pattern, &shifts, validity))
+}
+
 /// Makes phase maps of windows.
 struct Decoding {
     account: Account,
@@ -77,21 +93,14 @@ struct WaitingWindow {
 }
 
 impl Decoding {
-    fn open(host: &Host) -> Result<Self, ServiceError> {
-        let shifts = PhaseShifts::new(host.setup.cycle_shifts_rad());
-        let shifts = shifts.map_err(|e| ServiceError::Unusable(e.to_string()))?;
+    fn open(host: &Host, worker: PhaseWorker, maps: PhasePair) -> Result<Self, ServiceError> {
         let mut account = host.open_account(Stage::Phase)?;
         host.catch_up(&mut account, DropReason::Restart)?;
         Ok(Self {
             account,
             output: Publisher::open(&host.node, PHASE_MAPS, &host.sizes)?,
-            worker: PhaseWorker::new(
-                &host.setup.rig,
-                &host.setup.sequence.pattern,
-                &shifts,
-                host.configuration.measurement.settings.validity,
-            ),
-            maps: PhasePair::default(),
+            worker,
+            maps,
             priors: PriorInput::open(host)?,
             newest: None,
         })
