@@ -28,6 +28,7 @@ mod scenes;
 mod sliding;
 mod spans;
 mod table;
+mod threads;
 mod workers;
 
 use bench::Bench;
@@ -40,11 +41,12 @@ static ALLOCATOR: counting_allocator::CountingAllocator = counting_allocator::Co
 type Measure = fn(&mut Bench, &mut Report);
 
 /// The measurements, by their names on the command line.
-const LINES: [(&str, Measure); 12] = [
+const LINES: [(&str, Measure); 13] = [
     ("decode", decode::measure),
     ("cloud", cloud::measure),
     ("scalar", scalar::measure),
     ("scaling", scaling::measure),
+    ("threads", threads::measure),
     ("workers", workers::measure),
     ("live", live::measure),
     ("sliding", sliding::measure),

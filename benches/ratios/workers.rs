@@ -89,6 +89,6 @@ fn cloud_work<'a>(easy: &'a PreparedScene) -> Work<'a> {
 }
 
 /// A loop that uses no memory.
-fn count(steps: u64) -> u64 {
+pub(crate) fn count(steps: u64) -> u64 {
     (0..steps).fold(1, |state, step| black_box(state) ^ step.rotate_left(7))
 }
