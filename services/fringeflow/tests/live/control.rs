@@ -47,6 +47,8 @@ fn control_starts_and_stops_scan_and_recording_sets_marks_and_quits() {
     let status = bench.json(&[0], &[&"status", &NAME, &"--json"]);
     assert_eq!((&status["instance"], &status["scanning"]), (&NAME.into(), &true.into()));
     assert!(status["recording"].is_null() && status["exposure_to_cloud"]["p50_ms"].as_f64().unwrap() > 0.0, "{status}");
+    let capacity = ["clouds_hz", "windows_hz", "window_ms"].map(|figure| status["capacity"][figure].as_f64().unwrap());
+    assert!(capacity.iter().all(|&figure| figure > 0.0), "{status}");
     let stages: Vec<_> = status["stages"].as_array().unwrap().iter().map(|s| s["stage"].as_str().unwrap()).collect();
     let untracked: Vec<_> = Stage::ALL.into_iter().filter(|&stage| stage != Stage::Tracking).map(Stage::name).collect();
     assert_eq!(stages, untracked);
