@@ -105,7 +105,7 @@ fn a_sweep_is_tracked_and_its_model_lies_on_the_true_surface() {
     let mut tracker = Tracker::new(rig.calibrated.cam1, FusionSettings::default());
     let mut poses = Vec::new();
     for (k, cloud) in clouds.iter().enumerate() {
-        let tracked = tracker.step(cloud, k as u64 * 100_000_000);
+        let tracked = tracker.step(&cloud.points, k as u64 * 100_000_000);
         assert_eq!(tracked.tracking.name(), if k == 0 { "first" } else { "tracked" }, "cloud {k}: {tracked:?}");
         poses.push(StatedPose { first_from_cam1: tracked.model_from_cam1, covariance: tracked.covariance.0 });
     }

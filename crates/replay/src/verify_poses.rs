@@ -91,7 +91,7 @@ fn is_same(
         return Ok(false);
     };
     model.next += 1;
-    let tracked = model.tracker.step(&cloud, header.window.centre_ns);
+    let tracked = model.tracker.step(&cloud.points, header.window.centre_ns);
     let recomputed = pose_report(&model.tracker, &tracked, header, model.first_cloud);
     Ok(PoseReport { published: report.published, published_ns: report.published_ns, ..recomputed } == *report)
 }

@@ -14,7 +14,7 @@
 //! let camera = Camera::new([900.0, 900.0], [160.0, 128.0], Distortion::from_opencv(&[]), [320, 256]);
 //! let mut tracker = Tracker::new(camera, FusionSettings::default());
 //! // Clouds come from the reconstruction. One without points cannot be registered.
-//! let tracked = tracker.step(&Cloud::default(), 0);
+//! let tracked = tracker.step(Cloud::default().points, 0);
 //! assert!(matches!(tracked.tracking, Tracking::Lost(_)));
 //! assert_eq!(tracker.model().surfels().len(), 0);
 //! ```

@@ -55,7 +55,7 @@ impl TrackedStream {
 
     /// Registers the cloud of a window to the model.
     pub fn track(&mut self, reconstruction: &Reconstruction, times: &WindowTimes) -> Tracked {
-        let tracked = self.tracker.step(&reconstruction.cloud, times.centre_ns());
+        let tracked = self.tracker.step(&reconstruction.cloud.points, times.centre_ns());
         let drift = reconstruction.matches.drift.as_ref().map(Drift::to_known);
         self.prior = self.tracker.prior(drift).map(|prior| (prior, times.centre_ns()));
         tracked

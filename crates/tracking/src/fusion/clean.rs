@@ -22,7 +22,7 @@ const OPPORTUNITIES: u32 = 4;
 
 /// What a cloud shows about a surfel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
+pub(super) enum Verdict {
     /// Nothing: the surfel is outside the image, turned away, hidden, or at an edge.
     NotVisible,
     /// The cloud could have measured the surfel, whether it did or not.
@@ -34,22 +34,24 @@ enum Verdict {
 /// Counts the verdict of a cloud on each surfel, removes contradicted and unconfirmed surfels, and returns their
 /// number.
 ///
-/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud.
+/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud. `verdicts` is a
+/// buffer.
 pub(super) fn clean(
     surfels: &mut Vec<Surfel>,
     map: &IndexMap,
     surface: &OrganizedSurface,
     placement: &Placement,
     min_support: u32,
+    verdicts: &mut Vec<Verdict>,
 ) -> usize {
     let verdict = |index: usize| {
         if surfels[index].last_cloud == placement.cloud { Verdict::Visible } else { verdict(map, surface, index) }
     };
-    let verdicts: Vec<Verdict> = (0..surfels.len()).into_par_iter().with_min_len(1024).map(verdict).collect();
+    (0..surfels.len()).into_par_iter().with_min_len(1024).map(verdict).collect_into_vec(verdicts);
     let before = surfels.len();
-    for (surfel, verdict) in surfels.iter_mut().zip(verdicts) {
-        surfel.seen += u32::from(verdict != Verdict::NotVisible);
-        surfel.contradictions += u32::from(verdict == Verdict::Contradicted);
+    for (surfel, verdict) in surfels.iter_mut().zip(&*verdicts) {
+        surfel.seen += u32::from(*verdict != Verdict::NotVisible);
+        surfel.contradictions += u32::from(*verdict == Verdict::Contradicted);
     }
     surfels.retain(|surfel| !is_contradicted(surfel) && !is_unconfirmed(surfel, min_support));
     before - surfels.len()
@@ -68,8 +70,8 @@ fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict
     let around = (v - 1..=v + 1).flat_map(|row| (u - 1..=u + 1).map(move |column| (column, row)));
     let margin_m = BEHIND_SHARE * seen.depth_m;
     let (mut behind, mut in_front, mut at_surfel) = (0, 0, 0);
-    for point in around.filter_map(|(column, row)| surface.at(column, row)) {
-        let off_m = f64::from(point.position_m[2]) - seen.depth_m;
+    for depth_m in around.filter_map(|(column, row)| surface.depth_at(column, row)) {
+        let off_m = f64::from(depth_m) - seen.depth_m;
         if off_m > margin_m {
             behind += 1;
         } else if off_m < -margin_m {

@@ -2,7 +2,7 @@
 
 use fringeflow::geometry::{Camera, Pose};
 
-use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, register};
+use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, SampledPoints, register};
 
 /// Minimum share of the points of the last cloud with a partner in the first. With fewer, the scan has not returned.
 const MIN_SHARE: f64 = 0.5;
@@ -23,7 +23,8 @@ impl Closure {
     /// Returns `None` if they overlap too little.
     pub(super) fn new(
         camera: &Camera,
-        [first, last]: [&OrganizedSurface; 2],
+        first: &OrganizedSurface,
+        last: &SampledPoints,
         first_from_last: &Pose,
         settings: &RegistrationSettings,
     ) -> Option<Self> {

@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use fringeflow::geometry::{Camera, Pixel, Point3, Pose, Vector3};
+use fringeflow::geometry::{Camera, Pixel, Pose, Vector3};
 
-use crate::registration::{OrganizedSurface, SurfacePoint};
+use crate::registration::OrganizedSurface;
 
 use super::surfel::Surfel;
 
@@ -23,93 +23,109 @@ const SAME_SURFACE_SHARE: f64 = 0.01;
 pub(super) struct Projection {
     /// Image point.
     pub(super) pixel: Pixel,
-    /// Depth, metres.
+    /// Depth, metres; NaN if the surfel is outside the image, turned away, or not wanted.
     pub(super) depth_m: f64,
 }
 
-/// The model in the image of camera 1 at a pose.
+/// The model in the image of camera 1 at a pose. Its memory lives from cloud to cloud.
+#[derive(Clone, Debug, Default)]
 pub(super) struct IndexMap {
     width: usize,
     height: usize,
     /// Index of the surfel in each cell, or [`NONE`].
     cells: Vec<u32>,
-    /// Projection of each surfel; `None` if it is outside the image, turned away, or not wanted.
-    projections: Vec<Option<Projection>>,
+    /// Projection of each surfel.
+    projections: Vec<Projection>,
 }
 
 const NONE: u32 = u32::MAX;
 
 impl IndexMap {
-    /// Projects the surfels that pass `is_wanted`.
+    /// Projects the surfels that pass `is_wanted`, instead of those before.
     pub(super) fn draw(
+        &mut self,
         surfels: &[Surfel],
         camera: &Camera,
         cam1_from_model: &Pose,
         is_wanted: impl Fn(&Surfel) -> bool + Sync,
-    ) -> Self {
-        let [width, height] = [camera.width_px() * CELLS, camera.height_px() * CELLS];
-        let project = |surfel: &Surfel| project(surfel, camera, cam1_from_model).filter(|_| is_wanted(surfel));
-        let projections: Vec<Option<Projection>> = surfels.par_iter().with_min_len(1024).map(project).collect();
-        let mut map = Self { width, height, cells: vec![NONE; width * height], projections };
-        for index in 0..map.projections.len() {
-            let Some((cell, depth_m)) = map.projections[index].and_then(|p| Some((map.cell_at(&p.pixel)?, p.depth_m)))
-            else {
-                continue;
+    ) {
+        [self.width, self.height] = [camera.width_px() * CELLS, camera.height_px() * CELLS];
+        self.cells.clear();
+        self.cells.resize(self.width * self.height, NONE);
+        let project = |surfel: &Surfel| {
+            let seen = is_wanted(surfel).then(|| project(surfel, camera, cam1_from_model)).flatten();
+            seen.unwrap_or(Projection { pixel: Pixel::origin(), depth_m: f64::NAN })
+        };
+        surfels.par_iter().with_min_len(1024).map(project).collect_into_vec(&mut self.projections);
+        for (index, projection) in self.projections.iter().enumerate() {
+            let Some(cell) = self.cell_at(projection) else { continue };
+            let other = self.cells[cell];
+            let replaces_other = other == NONE || {
+                let (depth_m, other_depth_m) = (projection.depth_m, self.projections[other as usize].depth_m);
+                let is_same_surface = (depth_m - other_depth_m).abs() <= SAME_SURFACE_SHARE * depth_m;
+                if is_same_surface {
+                    surfels[index].weight > surfels[other as usize].weight
+                } else {
+                    depth_m < other_depth_m
+                }
             };
-            let other = map.cells[cell] as usize;
-            let replaces_other = map.projection(other).is_none_or(|seen| {
-                let is_same_surface = (depth_m - seen.depth_m).abs() <= SAME_SURFACE_SHARE * depth_m;
-                if is_same_surface { surfels[index].weight > surfels[other].weight } else { depth_m < seen.depth_m }
-            });
             if replaces_other {
-                map.cells[cell] = index as u32;
+                self.cells[cell] = index as u32;
             }
         }
-        map
     }
 
     /// Returns the projection of a surfel, or `None` if it has none.
     pub(super) fn projection(&self, index: usize) -> Option<&Projection> {
-        self.projections.get(index)?.as_ref()
+        self.projections.get(index).filter(|seen| !seen.depth_m.is_nan())
     }
 
-    /// Iterates over the surfels in the cells within a pixel of an image point, with their projections.
-    pub(super) fn surfels_near(&self, pixel: &Pixel) -> impl Iterator<Item = (usize, &Projection)> {
+    /// Calls `visit` for each surfel in the cells within a pixel of an image point, with its projection.
+    #[inline]
+    pub(super) fn visit_near<'a>(&'a self, pixel: &Pixel, mut visit: impl FnMut(usize, &'a Projection)) {
         let inside = |x: f64, length: usize| {
-            let first = ((x - 0.5) * CELLS as f64).round() as isize;
-            let [first, end] = [first, first.saturating_add(2 * CELLS as isize)].map(|cell| cell.max(0) as usize);
-            first.min(length)..end.min(length)
+            let first = rounded((x - 0.5) * CELLS as f64);
+            let end = first.saturating_add(2 * CELLS as isize);
+            (first.max(0) as usize).min(length)..(end.max(0) as usize).min(length)
         };
         let (columns, rows) = (inside(pixel.x, self.width), inside(pixel.y, self.height));
-        let cells = rows.flat_map(move |row| &self.cells[row * self.width..][columns.clone()]);
-        cells.filter(|&&i| i != NONE).filter_map(|&i| Some((i as usize, self.projection(i as usize)?)))
+        for row in rows {
+            for &index in &self.cells[row * self.width..][columns.clone()] {
+                if index != NONE {
+                    visit(index as usize, &self.projections[index as usize]);
+                }
+            }
+        }
     }
 
     /// Whether another surface lies in front of a projected surfel.
     pub(super) fn is_hidden(&self, seen: &Projection) -> bool {
         let limit_m = seen.depth_m * (1.0 - SAME_SURFACE_SHARE);
-        self.surfels_near(&seen.pixel).any(|(_, other)| other.depth_m < limit_m)
+        let mut is_hidden = false;
+        self.visit_near(&seen.pixel, |_, other| is_hidden |= other.depth_m < limit_m);
+        is_hidden
     }
 
-    /// Returns the visible surface in the frame of camera 1: for each pixel the surfel nearest to its centre.
-    pub(super) fn surface(&self, surfels: &[Surfel], cam1_from_model: &Pose) -> OrganizedSurface {
-        let [width, height] = [self.width / CELLS, self.height / CELLS];
-        let row_points = |v: usize| {
-            let points = (0..width).filter_map(|u| {
-                let index = self.foremost(&Pixel::new(u as f64, v as f64))?;
-                Some(point(&surfels[index], cam1_from_model, [u, v]))
-            });
-            points.collect::<Vec<SurfacePoint>>()
-        };
-        let rows: Vec<Vec<SurfacePoint>> = (0..height).into_par_iter().map(row_points).collect();
-        OrganizedSurface::new([width, height], rows.concat())
+    /// Writes the visible surface in the frame of camera 1: for each pixel the surfel nearest to its centre.
+    pub(super) fn write_surface(&self, surfels: &[Surfel], cam1_from_model: &Pose, surface: &mut OrganizedSurface) {
+        surface.write_rows([self.width / CELLS, self.height / CELLS], |v, mut row| {
+            for u in 0..self.width / CELLS {
+                if let Some(index) = self.foremost(&Pixel::new(u as f64, v as f64)) {
+                    let surfel = &surfels[index];
+                    let position = (cam1_from_model * surfel.position).coords;
+                    let normal = cam1_from_model.rotation * surfel.normal;
+                    let single = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
+                    row.set(u, single(position), surfel.noise_m() as f32, single(normal));
+                }
+            }
+        });
     }
 
     /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel.
     fn foremost(&self, pixel: &Pixel) -> Option<usize> {
         let distance = |seen: &Projection| (seen.pixel - pixel).norm_squared();
         let mut best: Option<(usize, &Projection)> = None;
-        for (index, seen) in self.surfels_near(pixel) {
+        self.visit_near(pixel, |index, seen| {
             let is_better = best.is_none_or(|(_, other)| {
                 let is_same_surface = (seen.depth_m - other.depth_m).abs() <= SAME_SURFACE_SHARE * seen.depth_m;
                 if is_same_surface { distance(seen) < distance(other) } else { seen.depth_m < other.depth_m }
@@ -117,16 +133,24 @@ impl IndexMap {
             if is_better {
                 best = Some((index, seen));
             }
-        }
+        });
         best.map(|(index, _)| index)
     }
 
-    fn cell_at(&self, pixel: &Pixel) -> Option<usize> {
+    /// Returns the cell of a projection, or `None` if it has none.
+    fn cell_at(&self, seen: &Projection) -> Option<usize> {
         let cell = |x: f64| (x + 0.5) * CELLS as f64;
-        let (u, v) = (cell(pixel.x), cell(pixel.y));
+        let (u, v) = (cell(seen.pixel.x), cell(seen.pixel.y));
         let inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64;
-        inside.then_some(v as usize * self.width + u as usize)
+        (inside && !seen.depth_m.is_nan()).then_some(v as usize * self.width + u as usize)
     }
+}
+
+/// Returns the nearest integer, as [`f64::round`] does, but without the call of a function.
+fn rounded(x: f64) -> isize {
+    let whole = x as isize;
+    let rest = x - whole as f64;
+    whole.saturating_add(isize::from(rest >= 0.5)).saturating_sub(isize::from(rest <= -0.5))
 }
 
 fn project(surfel: &Surfel, camera: &Camera, cam1_from_model: &Pose) -> Option<Projection> {
@@ -136,15 +160,15 @@ fn project(surfel: &Surfel, camera: &Camera, cam1_from_model: &Pose) -> Option<P
     camera.sees(&pixel).then_some(Projection { pixel, depth_m: position.z })
 }
 
-fn point(surfel: &Surfel, cam1_from_model: &Pose, pixel: [usize; 2]) -> SurfacePoint {
-    let single = |x: f64| x as f32;
-    let position: Point3 = cam1_from_model * surfel.position;
-    let normal: Vector3 = cam1_from_model.rotation * surfel.normal;
-    SurfacePoint {
-        position_m: position.coords.map(single).into(),
-        normal: Some(normal.map(single).into()),
-        sigma_m: surfel.noise_m() as f32,
-        intensity: surfel.intensity as u8,
-        cam1_px: pixel.map(|c| c as u16),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_rounded_as_by_the_standard_library() {
+        let next = |x: f64| [x.next_down(), x, x.next_up()];
+        for x in (-9..=9).flat_map(|k| next(f64::from(k) / 2.0)).chain([1e6, -1e300, 1e300]) {
+            assert_eq!(rounded(x), x.round() as isize, "{x}");
+        }
     }
 }

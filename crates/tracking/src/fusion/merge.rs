@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use fringeflow::geometry::{Pixel, Pose};
+use fringeflow::geometry::{Pixel, Point3, Pose, Vector3};
 
 use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 
@@ -31,15 +31,30 @@ pub(super) struct Placement {
     pub(super) cloud: u32,
 }
 
+/// A point placed in the frame of the model.
+struct Placed {
+    position: Point3,
+    normal: Vector3,
+    sigma_m: f64,
+}
+
 impl Placement {
+    /// Places a point, or returns `None` if it has no normal.
+    fn place(&self, point: &SurfacePoint) -> Option<Placed> {
+        Some(Placed {
+            position: self.model_from_cam1 * point.position(),
+            normal: self.model_from_cam1.rotation * point.unit_normal()?,
+            sigma_m: f64::from(point.sigma_m),
+        })
+    }
+
     /// Returns the measurement of a point, or `None` if it has no normal.
     fn measurement(&self, point: &SurfacePoint) -> Option<Measurement> {
-        let position = self.model_from_cam1 * point.position();
-        let normal = self.model_from_cam1.rotation * point.unit_normal()?;
+        let Placed { position, normal, sigma_m } = self.place(point)?;
         Some(Measurement {
             position,
             normal,
-            sigma_m: f64::from(point.sigma_m),
+            sigma_m,
             intensity: point.intensity,
             pose_variance: self.covariance.variance_along(&position, &normal),
             cloud: self.cloud,
@@ -47,7 +62,7 @@ impl Placement {
     }
 
     /// Returns the surfel of a measurement at a pixel: of those whose plane it fits, the nearest in the image.
-    fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Measurement) -> Option<usize> {
+    fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Placed) -> Option<usize> {
         let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
         let fits = |surfel: &Surfel| {
             let sd_m = (m.sigma_m * m.sigma_m + surfel.noise_m().powi(2)).sqrt() * self.excess;
@@ -55,34 +70,50 @@ impl Placement {
             let reach_m = (SAME_PLANE_SD * sd_m).max(SAME_PLANE_PX * width_m);
             surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m
         };
-        let near = map.surfels_near(pixel).map(|(index, seen)| (index, (seen.pixel - pixel).norm()));
-        let owners = near.filter(|&(index, off_px)| off_px <= SAME_PLACE_PX && fits(&surfels[index]));
-        owners.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(index, _)| index)
+        let mut nearest: Option<(usize, f64)> = None;
+        map.visit_near(pixel, |index, seen| {
+            let off_px = (seen.pixel - pixel).norm();
+            let is_nearest = nearest.is_none_or(|(_, nearest_px)| off_px < nearest_px);
+            if off_px <= SAME_PLACE_PX && is_nearest && fits(&surfels[index]) {
+                nearest = Some((index, off_px));
+            }
+        });
+        nearest.map(|(index, _)| index)
     }
 }
 
+/// A point without a surfel, or without a normal.
+const NONE: u32 = u32::MAX;
+
 /// Merges a surface into the surfels, and returns the number of new surfels. `map` shows the surfels at the pose of the
-/// cloud.
+/// cloud. `owners` is a buffer.
 pub(super) fn merge(
     surfels: &mut Vec<Surfel>,
     map: &IndexMap,
     surface: &OrganizedSurface,
     placement: &Placement,
+    owners: &mut Vec<u32>,
 ) -> usize {
-    let assign = |point: &SurfacePoint| {
-        let measurement = placement.measurement(point)?;
-        let [u, v] = point.cam1_px.map(f64::from);
-        let owner = placement.owner(surfels, map, &Pixel::new(u, v), &measurement);
-        Some((owner, measurement))
-    };
+    let [width, height] = surface.size_px();
+    owners.resize(width * height, NONE);
     // Assignment runs in parallel, since it only reads the surfels. The merging is sequential, so that the number of
-    // threads changes no bit of the result.
-    let assigned: Vec<_> = surface.points().par_iter().with_min_len(256).map(assign).collect();
+    // threads changes no bit of the result. Placing a point twice is cheaper than keeping it.
+    owners.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, owners)| {
+        for point in surface.row(row) {
+            let [u, v] = point.cam1_px;
+            let pixel = Pixel::new(f64::from(u), f64::from(v));
+            let owner = placement.place(&point).and_then(|m| placement.owner(surfels, map, &pixel, &m));
+            owners[usize::from(u)] = owner.map_or(NONE, |index| index as u32);
+        }
+    });
     let before = surfels.len();
-    for (owner, measurement) in assigned.into_iter().flatten() {
-        match owner {
-            Some(index) => surfels[index].add(&measurement),
-            None => surfels.push(Surfel::new(&measurement)),
+    for row in 0..height {
+        for point in surface.row(row) {
+            let Some(measurement) = placement.measurement(&point) else { continue };
+            match owners[row * width + usize::from(point.cam1_px[0])] {
+                NONE => surfels.push(Surfel::new(&measurement)),
+                index => surfels[index as usize].add(&measurement),
+            }
         }
     }
     surfels.len() - before

@@ -4,7 +4,7 @@ use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
 use crate::registration::{OrganizedSurface, PoseCovariance};
 
-use super::clean::clean;
+use super::clean::{Verdict, clean};
 use super::index_map::IndexMap;
 use super::merge::{Placement, merge};
 use super::surfel::Surfel;
@@ -16,6 +16,14 @@ pub struct Merged {
     pub added: usize,
     /// Surfels removed after contradictions.
     pub removed: usize,
+}
+
+/// Buffers of a merge and of a view, kept from cloud to cloud.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FusionScratch {
+    map: IndexMap,
+    owners: Vec<u32>,
+    verdicts: Vec<Verdict>,
 }
 
 /// Surfels in the frame of C1 at the first cloud.
@@ -52,12 +60,18 @@ impl Model {
         Point3::from(sum / self.surfels.len().max(1) as f64)
     }
 
-    /// Returns the surface of supported surfels that camera 1 sees, in the frame of the camera.
-    #[must_use]
-    pub fn surface_from(&self, camera: &Camera, model_from_cam1: &Pose, min_support: u32) -> OrganizedSurface {
+    /// Writes the surface of supported surfels that camera 1 sees, in the frame of the camera.
+    pub(super) fn view(
+        &self,
+        camera: &Camera,
+        model_from_cam1: &Pose,
+        min_support: u32,
+        scratch: &mut FusionScratch,
+        surface: &mut OrganizedSurface,
+    ) {
         let cam1_from_model = model_from_cam1.inverse();
-        let map = IndexMap::draw(&self.surfels, camera, &cam1_from_model, |surfel| surfel.is_supported(min_support));
-        map.surface(&self.surfels, &cam1_from_model)
+        scratch.map.draw(&self.surfels, camera, &cam1_from_model, |surfel| surfel.is_supported(min_support));
+        scratch.map.write_surface(&self.surfels, &cam1_from_model, surface);
     }
 
     /// Covariance of the pose of the model: the mean over its surfels of the covariance of the cloud that first
@@ -91,6 +105,7 @@ impl Model {
         covariance: PoseCovariance,
         excess: f64,
         min_support: u32,
+        FusionScratch { map, owners, verdicts }: &mut FusionScratch,
     ) -> Merged {
         let placement = Placement {
             model_from_cam1: *model_from_cam1,
@@ -99,9 +114,9 @@ impl Model {
             pixel_per_m: 1.0 / camera.focal_px()[0],
             cloud: self.covariances.len() as u32,
         };
-        let map = IndexMap::draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
-        let added = merge(&mut self.surfels, &map, surface, &placement);
-        let removed = clean(&mut self.surfels, &map, surface, &placement, min_support);
+        map.draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
+        let added = merge(&mut self.surfels, map, surface, &placement, owners);
+        let removed = clean(&mut self.surfels, map, surface, &placement, min_support, verdicts);
         self.covariances.push(covariance);
         Merged { added, removed }
     }

@@ -29,7 +29,7 @@ fn cloud(world_from_cam1: &Pose, seed: u64) -> Cloud {
 fn fused(clouds: usize) -> (Tracker, Vec<Tracked>) {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     let steps =
-        (0..=clouds).map(|k| tracker.step(&cloud(&pose(k, clouds), k as u64), cloud_time_ns(k as u64))).collect();
+        (0..=clouds).map(|k| tracker.step(cloud(&pose(k, clouds), k as u64).points, cloud_time_ns(k as u64))).collect();
     (tracker, steps)
 }
 
@@ -83,7 +83,7 @@ fn rotations_keep_unit_length_in_long_scans() {
     for k in 0..80 {
         let pose = pose(k, 40);
         let cloud = cloud_of(&camera_of([60, 48]), SIGMA_M, k as u64, |ray| hills(&pose, 0.004, ray));
-        let found = tracker.step(&cloud, cloud_time_ns(k as u64)).model_from_cam1;
+        let found = tracker.step(&cloud.points, cloud_time_ns(k as u64)).model_from_cam1;
         assert!((found.rotation.norm() - 1.0).abs() < 1e-14, "cloud {k}: length {}", found.rotation.norm());
     }
 }
@@ -100,16 +100,16 @@ fn a_closed_path_closes() {
 fn after_a_jump_the_scanner_is_lost_merges_nothing_and_is_relocalized() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     for k in 0..3 {
-        tracker.step(&cloud(&Pose::identity(), k), cloud_time_ns(k));
+        tracker.step(cloud(&Pose::identity(), k).points, cloud_time_ns(k));
     }
     let before = tracker.model().clone();
     let away = Pose::translation(0.0, 0.0, -0.06);
-    let lost = tracker.step(&cloud(&away, 9), cloud_time_ns(9));
+    let lost = tracker.step(cloud(&away, 9).points, cloud_time_ns(9));
     assert!(matches!(lost.tracking, Tracking::Lost(Lost::TooFewInCommon { .. })), "{lost:?}");
     assert_eq!(tracker.model(), &before);
     // 6 mm nearer: beyond the reach of tracking, but within that of relocalization.
     let near = Pose::translation(0.0, 0.0, 0.006);
-    let found = tracker.step(&cloud(&near, 10), cloud_time_ns(10));
+    let found = tracker.step(cloud(&near, 10).points, cloud_time_ns(10));
     assert_eq!(found.tracking.name(), "relocalized", "{found:?}");
     assert!(error_m(&found.model_from_cam1, &near) < 2e-5, "{found:?}");
 }
@@ -117,9 +117,9 @@ fn after_a_jump_the_scanner_is_lost_merges_nothing_and_is_relocalized() {
 #[test]
 fn the_model_starts_with_the_first_cloud_that_has_points() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
-    let nothing = tracker.step(&Cloud::default(), cloud_time_ns(0));
+    let nothing = tracker.step(Cloud::default().points, cloud_time_ns(0));
     assert_eq!(nothing.tracking.name(), "lost");
-    assert_eq!(tracker.step(&cloud(&Pose::identity(), 1), cloud_time_ns(1)).tracking, Tracking::First);
+    assert_eq!(tracker.step(cloud(&Pose::identity(), 1).points, cloud_time_ns(1)).tracking, Tracking::First);
     assert!(tracker.closure().is_none());
 }
 
@@ -142,11 +142,11 @@ fn contradicted_and_unconfirmed_surfels_are_removed() {
     };
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     for seed in 0..4 {
-        tracker.step(&with(seed, true), cloud_time_ns(seed));
+        tracker.step(with(seed, true).points, cloud_time_ns(seed));
     }
     assert!(on_plate(&tracker) > 200, "{}", on_plate(&tracker));
     for seed in 4..8 {
-        tracker.step(&with(seed, false), cloud_time_ns(seed));
+        tracker.step(with(seed, false).points, cloud_time_ns(seed));
     }
     assert_eq!(on_plate(&tracker), 0);
 }
@@ -186,10 +186,10 @@ fn the_prior_of_the_next_windows_is_the_motion_of_the_scanner() {
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     let step = Pose::new(nalgebra::Vector3::new(2e-4, -1e-4, 1e-4), nalgebra::Vector3::new(1e-3, 2e-3, -5e-4));
     let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);
-    tracker.step(&cloud(&pose(0), 0), cloud_time_ns(0));
+    tracker.step(cloud(&pose(0), 0).points, cloud_time_ns(0));
     assert!(tracker.prior(None).is_none(), "one cloud shows no motion");
     for k in 1..8 {
-        tracker.step(&cloud(&pose(k), k as u64), cloud_time_ns(k as u64));
+        tracker.step(cloud(&pose(k), k as u64).points, cloud_time_ns(k as u64));
     }
     let prior = tracker.prior(None).unwrap();
     let next = prior.motion.pose_after(0.05);
@@ -200,7 +200,7 @@ fn the_prior_of_the_next_windows_is_the_motion_of_the_scanner() {
     let seen = prior.relief.cells().iter().filter(|&&cell| cell > 0).count();
     assert!(seen * 2 > prior.relief.cells().len(), "{seen} cells");
     // The motion of a lost scanner is unknown.
-    let lost = tracker.step(&cloud(&Pose::translation(0.0, 0.0, -0.06), 9), cloud_time_ns(9));
+    let lost = tracker.step(cloud(&Pose::translation(0.0, 0.0, -0.06), 9).points, cloud_time_ns(9));
     assert_eq!((lost.tracking.name(), tracker.prior(None)), ("lost", None));
 }
 
@@ -211,7 +211,7 @@ fn a_surface_that_determines_only_the_distance_still_gives_the_motion_towards_it
     let pose = |k: i32| (0..k).fold(Pose::identity(), |pose, _| pose * step);
     for k in 0..6 {
         let flat = |ray: &Vector3| hills(&pose(k), 1e-5, ray);
-        let tracked = tracker.step(&cloud_of(&camera(), SIGMA_M, k as u64, flat), cloud_time_ns(k as u64));
+        let tracked = tracker.step(cloud_of(&camera(), SIGMA_M, k as u64, flat).points, cloud_time_ns(k as u64));
         assert_eq!(tracked.tracking.name(), if k == 0 { "first" } else { "lost" }, "cloud {k}: {tracked:?}");
         assert_eq!((tracked.model_from_cam1, tracker.model().clouds()), (Pose::identity(), 1));
     }

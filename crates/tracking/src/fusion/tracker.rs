@@ -8,17 +8,20 @@
 //! Registration uses a few thousand points, merging uses all points. If time is short, only some of the tracked clouds
 //! are merged. A fixed stride selects them, not a clock, so that the same clouds give the same poses.
 
-use fringeflow::cloud::Cloud;
+use std::borrow::Borrow;
+
+use fringeflow::cloud::CloudPoint;
 use fringeflow::correspondence::KnownDrift;
 use fringeflow::geometry::{Camera, Point3, Pose};
 use fringeflow::prior::{Prior, Relief, RigidMotion};
 
 use crate::registration::{
-    Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, register_loosely,
+    Lost, Normals, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, SampledPoints,
+    register_loosely,
 };
 
 use super::closure::Closure;
-use super::model::{Merged, Model};
+use super::model::{FusionScratch, Merged, Model};
 use super::motion_filter::MotionFilter;
 
 /// Settings of tracking and merging.
@@ -94,9 +97,10 @@ pub struct Tracked {
 }
 
 /// The model as camera 1 would see it from a pose. Clouds are registered to it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct View {
-    model_from_cam1: Pose,
+    /// `None` after a merge: the surface is out of date.
+    model_from_cam1: Option<Pose>,
     surface: OrganizedSurface,
 }
 
@@ -146,12 +150,19 @@ pub struct Tracker {
     camera: Camera,
     settings: FusionSettings,
     model: Model,
+    /// The surface of the cloud in work.
+    surface: OrganizedSurface,
+    /// The points of that surface that are registered.
+    sampled: SampledPoints,
     first: OrganizedSurface,
-    last: OrganizedSurface,
+    /// Points of the last cloud that was registered.
+    last: SampledPoints,
+    normals: Normals,
+    scratch: FusionScratch,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// The last view of the model; `None` after a merge.
-    view: Option<View>,
+    /// The last view of the model.
+    view: View,
     /// Number of clouds tracked since the last merge.
     unmerged: u32,
     /// Centre of the model, and the covariance of the pose of the model.
@@ -170,10 +181,14 @@ impl Tracker {
             camera,
             settings,
             model: Model::default(),
+            surface: OrganizedSurface::default(),
+            sampled: SampledPoints::default(),
             first: OrganizedSurface::default(),
-            last: OrganizedSurface::default(),
+            last: SampledPoints::default(),
+            normals: Normals::default(),
+            scratch: FusionScratch::default(),
             relief: Relief::default(),
-            view: None,
+            view: View::default(),
             unmerged: 0,
             centre: Point3::origin(),
             model_covariance: PoseCovariance::zero(),
@@ -195,29 +210,30 @@ impl Tracker {
     }
 
     /// Tracks the next cloud, taken at `time_ns`. Call it in the order in which the clouds were taken.
-    pub fn step(&mut self, cloud: &Cloud, time_ns: u64) -> Tracked {
-        let Some(known) = self.last_known else { return self.start_model(self.surface(cloud), time_ns) };
-        let sampled = OrganizedSurface::sampled(cloud, self.size_px(), self.settings.registration.points);
+    ///
+    /// The points are read once, and dropped before the work begins.
+    pub fn step(&mut self, cloud: impl IntoIterator<Item: Borrow<CloudPoint>>, time_ns: u64) -> Tracked {
+        self.surface.organize(cloud, self.size_px());
+        let Some(known) = self.last_known else { return self.start_model(time_ns) };
         let settings = self.settings.registration;
-        let rough = self.register_at(&sampled, &known.predict(time_ns), &settings);
+        self.normals.sample(&self.surface, settings.points, &mut self.sampled);
+        let rough = self.register_at(&known.predict(time_ns), &settings);
         let found = match rough {
             // Where the surface leaves part of the pose open, a second search would leave it open too.
             Ok((reference, found)) => {
                 found.determined(&settings).map(|found| (Tracking::Tracked(found), reference, found))
             }
-            Err(_) => self.relocalize(&sampled, &known.model_from_cam1),
+            Err(_) => self.relocalize(&known.model_from_cam1),
         };
         match found {
-            Ok((tracking, reference, found)) => {
-                self.accept(cloud, sampled, (tracking, &reference, &found), known, time_ns)
-            }
+            Ok((tracking, reference, found)) => self.accept((tracking, &reference, &found), known, time_ns),
             Err(lost) => {
                 // The motion is now unknown, unless the surface determined a part of the pose.
                 let mut known = LastKnown { is_lost: true, ..known };
                 if let Ok((reference, found)) = rough {
                     let pose = normalized(reference * found.reference_from_moved);
                     known.update(pose, &found.covariance.seen_from(&reference), time_ns);
-                    self.update_relief(&sampled);
+                    self.update_relief();
                 }
                 self.last_known = Some(known);
                 let (model_from_cam1, covariance) = (known.model_from_cam1, self.covariance);
@@ -242,12 +258,14 @@ impl Tracker {
         if self.model.clouds() < 2 {
             return None;
         }
-        Closure::new(&self.camera, [&self.first, &self.last], &pose, &self.settings.registration)
+        Closure::new(&self.camera, &self.first, &self.last, &pose, &self.settings.registration)
     }
 
-    /// Stores the depth of a surface for the prior.
-    fn update_relief(&mut self, surface: &OrganizedSurface) {
-        let points = surface.points().iter().map(|point| (point.cam1_px, point.position_m[2]));
+    /// Stores the depth of the surface for the prior.
+    fn update_relief(&mut self) {
+        let width = self.camera.width_px().max(1);
+        let rows = (0_u16..).zip(self.surface.depths_m().chunks(width));
+        let points = rows.flat_map(|(v, row)| (0_u16..).zip(row).map(move |(u, &depth_m)| ([u, v], depth_m)));
         self.relief = Relief::from_points(self.size_px(), points);
     }
 
@@ -255,71 +273,61 @@ impl Tracker {
         [self.camera.width_px(), self.camera.height_px()]
     }
 
-    fn surface(&self, cloud: &Cloud) -> OrganizedSurface {
-        OrganizedSurface::from_cloud(cloud, self.size_px())
-    }
-
-    fn start_model(&mut self, surface: OrganizedSurface, time_ns: u64) -> Tracked {
-        let with_normal = surface.points().iter().filter(|point| point.normal.is_some()).count();
+    fn start_model(&mut self, time_ns: u64) -> Tracked {
+        self.normals.compute(&mut self.surface);
+        let with_normal = self.surface.normal_count();
         let least = self.settings.registration.min_associated;
         let (model_from_cam1, covariance) = (Pose::identity(), PoseCovariance::zero());
         if with_normal < least {
             let lost = Lost::TooFewInCommon { associated: 0, tried: with_normal };
             return Tracked { tracking: Tracking::Lost(lost), model_from_cam1, covariance, merged: Merged::default() };
         }
-        let merged = self.merge(&surface, &model_from_cam1, covariance, 1.0);
-        self.update_relief(&surface);
-        self.first = surface.clone();
-        self.last = surface;
+        let merged = self.merge(&model_from_cam1, covariance, 1.0);
+        self.update_relief();
+        self.first = self.surface.clone();
         let motion = MotionFilter::new(model_from_cam1, &covariance);
         let rough_pose = model_from_cam1;
         self.last_known = Some(LastKnown { model_from_cam1, rough_pose, time_ns, motion, is_lost: false });
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Registers a surface to the model from the last known pose, with a longer reach. Also returns the pose of the
-    /// view that it was registered to.
-    fn relocalize(
-        &mut self,
-        surface: &OrganizedSurface,
-        model_from_cam1: &Pose,
-    ) -> Result<(Tracking, Pose, Registration), Lost> {
+    /// Registers the sampled points to the model from the last known pose, with a longer reach. Also returns the pose of
+    /// the view that they were registered to.
+    fn relocalize(&mut self, model_from_cam1: &Pose) -> Result<(Tracking, Pose, Registration), Lost> {
         let settings = self.settings.registration;
         let reach_share = settings.reach_share * self.settings.relocalization_reach;
         let settings = RegistrationSettings { reach_share, ..settings };
-        let (reference, found) = self.register_at(surface, model_from_cam1, &settings)?;
+        let (reference, found) = self.register_at(model_from_cam1, &settings)?;
         let found = found.determined(&settings)?;
         Ok((Tracking::Relocalized(found), reference, found))
     }
 
-    /// Registers a surface to the model as seen from a pose near `model_from_cam1`. Returns the pose of that view and
-    /// the registration, which may leave part of the pose undetermined.
+    /// Registers the sampled points to the model as seen from a pose near `model_from_cam1`. Returns the pose of that
+    /// view and the registration, which may leave part of the pose undetermined.
     fn register_at(
         &mut self,
-        surface: &OrganizedSurface,
         model_from_cam1: &Pose,
         settings: &RegistrationSettings,
     ) -> Result<(Pose, Registration), Lost> {
-        let centre = surface.centre();
-        let is_near = |view: &View| {
-            let moved = view.model_from_cam1.inverse() * model_from_cam1 * centre;
+        let Self { camera, model, sampled, view, scratch, .. } = self;
+        let centre = sampled.centre();
+        let is_near = |reference: &Pose| {
+            let moved = reference.inverse() * model_from_cam1 * centre;
             (moved - centre).norm() <= VIEW_SHARE * centre.coords.norm()
         };
-        let view = self.view.take().filter(is_near).unwrap_or_else(|| View {
-            model_from_cam1: *model_from_cam1,
-            surface: self.model.surface_from(&self.camera, model_from_cam1, self.settings.min_support),
-        });
-        let start = view.model_from_cam1.inverse() * model_from_cam1;
-        let found = register_loosely(&self.camera, &view.surface, surface, &start, settings);
-        let reference = self.view.insert(view).model_from_cam1;
-        Ok((reference, found?))
+        if !view.model_from_cam1.as_ref().is_some_and(is_near) {
+            model.view(camera, model_from_cam1, self.settings.min_support, scratch, &mut view.surface);
+            view.model_from_cam1 = Some(*model_from_cam1);
+        }
+        let reference = view.model_from_cam1.unwrap_or(*model_from_cam1);
+        let start = reference.inverse() * model_from_cam1;
+        let found = register_loosely(camera, &view.surface, sampled, &start, settings)?;
+        Ok((reference, found))
     }
 
     /// Accepts a pose found relative to the view at `model_from_reference`, and merges the cloud if it is due.
     fn accept(
         &mut self,
-        cloud: &Cloud,
-        sampled: OrganizedSurface,
         (tracking, model_from_reference, registration): (Tracking, &Pose, &Registration),
         mut known: LastKnown,
         time_ns: u64,
@@ -330,7 +338,8 @@ impl Tracker {
         self.unmerged += 1;
         let is_due = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
         let merged = if is_due {
-            self.merge(&self.surface(cloud), &model_from_cam1, covariance, registration.excess)
+            self.normals.compute(&mut self.surface);
+            self.merge(&model_from_cam1, covariance, registration.excess)
         } else {
             Merged::default()
         };
@@ -340,22 +349,17 @@ impl Tracker {
             known.motion = MotionFilter::new(model_from_cam1, &own);
         }
         self.last_known = Some(LastKnown { model_from_cam1, ..known });
-        self.update_relief(&sampled);
+        self.update_relief();
         self.covariance = covariance;
-        self.last = sampled;
+        std::mem::swap(&mut self.last, &mut self.sampled);
         Tracked { tracking, model_from_cam1, covariance, merged }
     }
 
-    fn merge(
-        &mut self,
-        surface: &OrganizedSurface,
-        model_from_cam1: &Pose,
-        covariance: PoseCovariance,
-        excess: f64,
-    ) -> Merged {
-        let min_support = self.settings.min_support;
-        let merged = self.model.merge(&self.camera, surface, model_from_cam1, covariance, excess, min_support);
-        self.view = None;
+    /// Merges the surface, which has its normals.
+    fn merge(&mut self, model_from_cam1: &Pose, covariance: PoseCovariance, excess: f64) -> Merged {
+        let Self { camera, model, surface, scratch, settings, .. } = self;
+        let merged = model.merge(camera, surface, model_from_cam1, covariance, excess, settings.min_support, scratch);
+        self.view.model_from_cam1 = None;
         self.unmerged = 0;
         self.centre = self.model.centre();
         self.model_covariance = self.model.covariance();

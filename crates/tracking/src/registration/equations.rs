@@ -83,9 +83,15 @@ impl Equations {
                 if share < 1.0 {
                     let precision = 1.0 / (pair.sd_m * pair.sd_m);
                     let weight = (1.0 - share) * (1.0 - share) * precision;
-                    let product = pair.row * pair.row.transpose();
-                    sums.information += product * weight;
-                    sums.curvature += product * ((1.0 - share) * (1.0 - 5.0 * share) * precision);
+                    let bend = (1.0 - share) * (1.0 - 5.0 * share) * precision;
+                    // Both matrices are symmetric: the lower half is enough.
+                    for column in 0..6 {
+                        for row in column..6 {
+                            let product = pair.row[row] * pair.row[column];
+                            sums.information[(row, column)] += product * weight;
+                            sums.curvature[(row, column)] += product * bend;
+                        }
+                    }
                     gradient += pair.row * (weight * pair.residual_m);
                     sums.weight += weight;
                     sums.squares += weight * pair.residual_m * pair.residual_m;
@@ -95,6 +101,8 @@ impl Equations {
             sums.scatter += gradient * gradient.transpose();
             sums.tiles += 1;
         }
+        sums.information.fill_upper_triangle_with_lower_triangle();
+        sums.curvature.fill_upper_triangle_with_lower_triangle();
         sums
     }
 

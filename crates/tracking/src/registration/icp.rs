@@ -44,14 +44,14 @@ struct LevelResult {
     paired: Vec<Vec<Pair>>,
 }
 
-/// Registers a moved surface to a reference that camera 1 sees, starting at a rough pose.
+/// Registers points of a moved surface to a reference that camera 1 sees, starting at a rough pose.
 ///
 /// # Errors
 /// [`Lost`], with its reason.
 pub fn register(
     camera: &Camera,
     reference: &OrganizedSurface,
-    moved: &OrganizedSurface,
+    moved: &SampledPoints,
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
@@ -66,7 +66,7 @@ pub fn register(
 pub fn register_loosely(
     camera: &Camera,
     reference: &OrganizedSurface,
-    moved: &OrganizedSurface,
+    moved: &SampledPoints,
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
@@ -77,9 +77,8 @@ pub fn register_loosely(
     let distance_m = (start * moved.centre()).coords.norm();
     let mut pose = *start;
     let mut last_level = None;
-    let sampled = SampledPoints::from_surface(moved);
     for level in &LEVELS {
-        let tiles = sampled.tiles((settings.points as f64 * level.points) as usize);
+        let tiles = moved.tiles((settings.points as f64 * level.points) as usize);
         let tried: usize = tiles.iter().map(Vec::len).sum();
         let reach_m = settings.reach_share * level.reach * distance_m;
         let parametrization = parametrization_for(&tiles, &pose);

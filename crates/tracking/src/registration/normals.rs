@@ -10,12 +10,15 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
-use super::surface::OrganizedSurface;
+use super::surface::{OrganizedSurface, PointPlanes, SurfacePoint};
+use super::thinning::{SampledPoints, grid_step};
 
 /// Pixels to each side of the centre that a plane is fitted to.
 const REACH_PX: usize = 3;
+/// Side of that square, pixels.
+const SIDE: usize = 2 * REACH_PX + 1;
 /// Number of pixels in that square.
-const COUNT: usize = (2 * REACH_PX + 1) * (2 * REACH_PX + 1);
+const COUNT: usize = SIDE * SIDE;
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f32 = 5.67;
 /// Minimum number of points for a plane, of 49.
@@ -26,8 +29,6 @@ const MAX_DEVIATION: f32 = 3.0;
 const MAX_BEND: f32 = 0.05;
 /// Minimum determinant of the centred moments, relative to that of equal moments. Below it, the points lie on a line.
 const MIN_SPREAD: f32 = 0.02;
-/// Rows per band. Bands run in parallel.
-const BAND_ROWS: usize = 32;
 
 /// A pixel of the square, relative to its centre.
 #[derive(Clone, Copy)]
@@ -75,32 +76,93 @@ const fn index_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize
     index
 }
 
-/// Index of a point of the surface, and its normal.
-type WithNormal = (u32, [f32; 3]);
-
-/// Returns the normals towards C1 of the points in every `step_px`-th column and row, if they exist.
-pub(super) fn normals(surface: &OrganizedSurface, step_px: usize) -> Vec<Vec<WithNormal>> {
-    normals_at(Level::in_use(), surface, step_px)
+/// Computes normals. Its scratch buffers live from cloud to cloud.
+#[derive(Clone, Debug, Default)]
+pub struct Normals {
+    /// One per thread.
+    windows: Vec<Window>,
+    /// Normals of a sampled grid.
+    sampled: [Vec<f32>; 3],
 }
 
-fn normals_at(level: Level, surface: &OrganizedSurface, step_px: usize) -> Vec<Vec<WithNormal>> {
-    let [_, height] = surface.size_px();
-    let band_normals = |first: usize| {
-        let rows = first..(first + BAND_ROWS).min(height);
-        let planes = Planes::new(surface, rows.start as isize - REACH_PX as isize, rows.len() + 2 * REACH_PX);
-        let mut found = Vec::new();
-        for row in rows.clone().filter(|row| row.is_multiple_of(step_px)) {
-            let middle = row - rows.start + REACH_PX;
-            fringeflow_simd::run(level, Row { surface, planes: &planes, middle, row, step_px, found: &mut found });
+impl Normals {
+    /// Computes the normals towards C1 of all points of a surface, if they exist.
+    pub fn compute(&mut self, surface: &mut OrganizedSurface) {
+        let OrganizedSurface { points, normals, .. } = surface;
+        compute_at(Level::in_use(), points, 1, &mut self.windows, normals);
+    }
+
+    /// Samples about `count` of the points of a surface, on a regular grid of pixels, and replaces `sampled` by those
+    /// that have a normal. Normals are computed for these points only.
+    pub fn sample(&mut self, surface: &OrganizedSurface, count: usize, sampled: &mut SampledPoints) {
+        self.sample_at(Level::in_use(), surface, count, sampled);
+    }
+
+    fn sample_at(&mut self, level: Level, surface: &OrganizedSurface, count: usize, sampled: &mut SampledPoints) {
+        let Self { windows, sampled: normals } = self;
+        let step_px = grid_step(surface.count(), count);
+        let [columns, rows] = surface.size_px().map(|side| side.div_ceil(step_px));
+        normals.iter_mut().for_each(|plane| plane.resize(columns * rows, f32::NAN));
+        compute_at(level, &surface.points, step_px, windows, normals);
+        let [x, y, z] = normals;
+        let point = |k: usize| {
+            let pixel = [k % columns, k / columns].map(|place| (place * step_px) as isize);
+            let normal = (!x[k].is_nan()).then(|| [x[k], y[k], z[k]])?;
+            Some(SurfacePoint { normal: Some(normal), ..surface.at(pixel[0], pixel[1])? })
+        };
+        sampled.points.clear();
+        sampled.points.extend((0..columns * rows).filter_map(point));
+        sampled.step_px = step_px;
+        sampled.centre = surface.centre();
+    }
+}
+
+/// Computes the normals of every `step_px`-th column and row. `normals` are planes of these columns and rows; a pixel
+/// without a normal gets NaN.
+fn compute_at(
+    level: Level,
+    points: &PointPlanes,
+    step_px: usize,
+    windows: &mut Vec<Window>,
+    normals: &mut [Vec<f32>; 3],
+) {
+    let [columns, rows] = points.size_px.map(|side| side.div_ceil(step_px));
+    if columns * rows == 0 {
+        return;
+    }
+    let threads = rayon::current_num_threads();
+    windows.resize_with(threads, Window::default);
+    let rows_per_thread = rows.div_ceil(threads);
+    let [x, y, z] = normals.each_mut().map(|plane| plane.par_chunks_mut(rows_per_thread * columns));
+    let parts = (x, y, z, windows.par_iter_mut()).into_par_iter().enumerate();
+    parts.for_each(|(part, (x, y, z, window))| {
+        window.arrange(points.size_px, step_px);
+        let mut rows = x.chunks_mut(columns).zip(y.chunks_mut(columns)).zip(z.chunks_mut(columns));
+        for (k, ((x, y), z)) in rows.by_ref().enumerate() {
+            window.move_to(points, (part * rows_per_thread + k) * step_px);
+            fringeflow_simd::run(level, Row { window, normals: [x, y, z] });
         }
-        found
-    };
-    (0..height.div_ceil(BAND_ROWS)).into_par_iter().map(|band| band_normals(band * BAND_ROWS)).collect()
+    });
 }
 
-/// The points of some rows as arrays of numbers. NaN marks pixels without a point, as outside the image.
-struct Planes {
+/// The rows around one row of an image, as arrays of numbers. NaN marks pixels without a point, as outside the image.
+///
+/// The columns whose normals are wanted lie side by side, so that a kernel computes 32 of them at once; so do the
+/// columns beside them: columns of one remainder by the step form a run.
+#[derive(Clone, Debug, Default)]
+struct Window {
+    size_px: [usize; 2],
+    step_px: usize,
+    /// Remainders by the step of the columns that are read.
+    remainders: Vec<usize>,
+    /// Length of a run, and of a row of runs.
+    run: usize,
     stride: usize,
+    /// Number of the image row that each row of the arrays holds, plus [`REACH_PX`]; a row `v` is held at `v` modulo
+    /// [`SIDE`].
+    held: [Option<usize>; SIDE],
+    /// The row in the middle.
+    middle: usize,
     /// ρ and η of the ray `(ρ, η, 1)`.
     rays: [Vec<f32>; 2],
     /// 1/m.
@@ -109,88 +171,112 @@ struct Planes {
     noise: Vec<f32>,
 }
 
-impl Planes {
-    /// Creates the arrays of `rows` rows, starting at `first_row`, which may lie above the image.
-    fn new(surface: &OrganizedSurface, first_row: isize, rows: usize) -> Self {
-        let [width, _] = surface.size_px();
-        let stride = width.next_multiple_of(LANES) + 2 * REACH_PX;
-        let plane = || vec![f32::NAN; stride * rows];
-        let mut planes = Self { stride, rays: [plane(), plane()], inverse_depth: plane(), noise: plane() };
-        for row in 0..rows {
-            let Some(v) = first_row.checked_add_unsigned(row).and_then(|v| usize::try_from(v).ok()) else { continue };
-            for (u, point) in surface.row(v).enumerate().filter_map(|(u, point)| Some((u, point?))) {
-                let index = row * stride + REACH_PX + u;
-                let [x, y, z] = point.position_m;
-                let inverse_depth = 1.0 / z;
-                planes.rays[0][index] = x * inverse_depth;
-                planes.rays[1][index] = y * inverse_depth;
-                planes.inverse_depth[index] = inverse_depth;
-                planes.noise[index] = (MAX_DEVIATION * point.sigma_m * inverse_depth * inverse_depth).powi(2);
+impl Window {
+    /// Arranges the arrays for an image and a step. They then hold no row.
+    fn arrange(&mut self, size_px: [usize; 2], step_px: usize) {
+        self.held = [None; SIDE];
+        if (self.size_px, self.step_px) == (size_px, step_px) {
+            return;
+        }
+        (self.size_px, self.step_px) = (size_px, step_px);
+        self.remainders.clear();
+        for column in -(REACH_PX as isize)..=REACH_PX as isize {
+            let remainder = column.rem_euclid(step_px as isize) as usize;
+            if !self.remainders.contains(&remainder) {
+                self.remainders.push(remainder);
             }
         }
-        planes
+        self.run = size_px[0].div_ceil(step_px).next_multiple_of(LANES) + 2 * REACH_PX;
+        self.stride = self.run * self.remainders.len();
+        let Self { rays: [x, y], inverse_depth, noise, .. } = self;
+        for plane in [x, y, inverse_depth, noise] {
+            plane.clear();
+            plane.resize(self.stride * SIDE, f32::NAN);
+        }
+    }
+
+    /// Moves the window to a row of the image.
+    fn move_to(&mut self, points: &PointPlanes, row: usize) {
+        self.middle = row;
+        for above in row..row + SIDE {
+            if self.held[above % SIDE] != Some(above) {
+                self.held[above % SIDE] = Some(above);
+                self.fill(points, above);
+            }
+        }
+    }
+
+    /// Reads the row `above - REACH_PX` of the image, which may lie outside.
+    fn fill(&mut self, points: &PointPlanes, above: usize) {
+        let [width, height] = self.size_px;
+        let slot = (above % SIDE) * self.stride;
+        let Some(row) = above.checked_sub(REACH_PX).filter(|&row| row < height) else {
+            self.inverse_depth[slot..][..self.stride].fill(f32::NAN);
+            return;
+        };
+        let columns = row * width..(row + 1) * width;
+        let [x, y, z] = points.position_m.each_ref().map(|plane| &plane[columns.clone()]);
+        let sigma_m = &points.sigma_m[columns];
+        for (place, &remainder) in self.remainders.iter().enumerate() {
+            let first = slot + place * self.run + REACH_PX;
+            let columns = (remainder..width).step_by(self.step_px);
+            let count = columns.len();
+            let [rho, eta] = self.rays.each_mut().map(|plane| &mut plane[first..][..count]);
+            let (inverse, noise) = (&mut self.inverse_depth[first..][..count], &mut self.noise[first..][..count]);
+            for (k, u) in columns.enumerate() {
+                let inverse_depth = 1.0 / z[u];
+                rho[k] = x[u] * inverse_depth;
+                eta[k] = y[u] * inverse_depth;
+                inverse[k] = inverse_depth;
+                let deviation = MAX_DEVIATION * sigma_m[u] * inverse_depth * inverse_depth;
+                noise[k] = deviation * deviation;
+            }
+        }
+    }
+
+    /// Returns for each pixel of the square the index in the arrays that belongs to the first column with a normal.
+    fn starts(&self) -> [usize; COUNT] {
+        OFFSETS.map(|Offset { column, row, .. }| {
+            let slot = (self.middle + REACH_PX).wrapping_add_signed(row) % SIDE;
+            let step_px = self.step_px as isize;
+            let remainder = column.rem_euclid(step_px) as usize;
+            let place = self.remainders.iter().position(|&r| r == remainder).unwrap_or_default();
+            (slot * self.stride + place * self.run + REACH_PX).wrapping_add_signed(column.div_euclid(step_px))
+        })
     }
 }
 
-/// Computes the normals of a row.
+/// Computes the normals of the row in the middle of a window.
 struct Row<'a> {
-    surface: &'a OrganizedSurface,
-    planes: &'a Planes,
-    /// The row within the planes, and in the image.
-    middle: usize,
-    row: usize,
-    step_px: usize,
-    found: &'a mut Vec<WithNormal>,
+    window: &'a Window,
+    normals: [&'a mut [f32]; 3],
 }
 
 impl Kernel for Row<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(mut self, l: L) {
-        let [width, _] = self.surface.size_px();
-        for first in (0..width).step_by(LANES) {
-            let requested = self.requested(first, (width - first).min(LANES));
-            if requested == 0 {
-                continue;
-            }
-            let square = Square { planes: self.planes, middle: self.middle * self.planes.stride + REACH_PX + first };
-            let ([x, y, z], has_normal) = square.normals(l);
-            let mut normals = [[0.0; LANES]; 3];
-            l.store_reals(x, &mut normals[0]);
-            l.store_reals(y, &mut normals[1]);
-            l.store_reals(z, &mut normals[2]);
-            self.store(first, l.bits(has_normal) & requested, &normals);
+    fn run<L: Lanes>(self, l: L) {
+        let Self { window, normals: [x, y, z] } = self;
+        let starts = window.starts();
+        let none = l.real(f32::NAN);
+        for first in (0..x.len()).step_by(LANES) {
+            let square = Square { window, starts: &starts, first };
+            let (normal, has_normal) = square.normals(l);
+            store(l, l.select_real(has_normal, normal[0], none), &mut x[first..]);
+            store(l, normal[1], &mut y[first..]);
+            store(l, normal[2], &mut z[first..]);
         }
     }
 }
 
-impl Row<'_> {
-    /// Stores the normals of the pixels whose bit is set. `first` is the column of the first bit.
-    fn store(&mut self, first: usize, mut pixels: u32, [x, y, z]: &[[f32; LANES]; 3]) {
-        while pixels != 0 {
-            let lane = pixels.trailing_zeros() as usize;
-            pixels &= pixels - 1;
-            if let Some(index) = self.surface.point_index(first + lane, self.row) {
-                self.found.push((index, [x[lane], y[lane], z[lane]]));
-            }
-        }
-    }
-
-    /// Returns a bit for each of `count` pixels from column `first` on: whether it has a point and its normal is
-    /// requested.
-    fn requested(&self, first: usize, count: usize) -> u32 {
-        let inverse_depth = &self.planes.inverse_depth[self.middle * self.planes.stride + REACH_PX + first..][..count];
-        let is_requested = |(k, value): &(usize, &f32)| (first + k).is_multiple_of(self.step_px) && !value.is_nan();
-        inverse_depth.iter().enumerate().filter(is_requested).fold(0, |bits, (k, _)| bits | 1 << k)
-    }
-}
-
-/// The squares around 32 adjacent pixels.
+/// The squares around 32 wanted pixels.
 struct Square<'a> {
-    planes: &'a Planes,
-    /// Index of the first centre pixel in the planes.
-    middle: usize,
+    window: &'a Window,
+    /// As [`Window::starts`] returns them.
+    starts: &'a [usize; COUNT],
+    /// Number of the first of the pixels in its row.
+    first: usize,
 }
 
 /// ρ, η and inverse depth of pixels.
@@ -204,10 +290,14 @@ impl Square<'_> {
         // used = those connected to the centre without a depth edge
         // plane = fit(used); used = those that fit the plane
         // plane = fit(used); the normal is −(a, b, c) / |(a, b, c)| of 1/z = (a, b, c)·(ρ, η, 1)
-        let [x, y, w] = self.at(l, &OFFSETS[0]);
+        let [x, y, w] = self.at(l, 0);
         // `w ≥ w` is false for NaN, which marks a pixel without a point.
-        let mut used = [l.is_at_least_real(w, w); COUNT];
-        let noise = load(l, &self.planes.noise, self.middle);
+        let has_point = l.is_at_least_real(w, w);
+        if !l.any(has_point) {
+            return ([w; 3], has_point);
+        }
+        let mut used = [has_point; COUNT];
+        let noise = load(l, &self.window.noise, self.starts[0] + self.first);
         self.keep_connected(l, w, noise, &mut used);
         let (first, has_first) = self.moments(l, &used).plane(l);
         self.keep_fitting(l, &first, w, noise, &mut used);
@@ -223,17 +313,17 @@ impl Square<'_> {
         (towards, l.and(is_flat, l.and(has_first, has_plane)))
     }
 
-    /// Returns the samples of the pixels at an offset.
+    /// Returns the samples of the pixels at an offset, given by its index.
     #[inline(always)]
-    fn at<L: Lanes>(&self, l: L, offset: &Offset) -> Sample<L> {
-        let index = self.middle.wrapping_add_signed(offset.row * self.planes.stride as isize + offset.column);
-        let Planes { rays: [x, y], inverse_depth, .. } = self.planes;
+    fn at<L: Lanes>(&self, l: L, offset: usize) -> Sample<L> {
+        let index = self.starts[offset] + self.first;
+        let Window { rays: [x, y], inverse_depth, .. } = self.window;
         [load(l, x, index), load(l, y, index), load(l, inverse_depth, index)]
     }
 
     /// Returns the difference of the samples at two offsets.
     #[inline(always)]
-    fn step<L: Lanes>(&self, l: L, from: &Offset, to: &Offset) -> Sample<L> {
+    fn step<L: Lanes>(&self, l: L, from: usize, to: usize) -> Sample<L> {
         let ([x, y, w], [from_x, from_y, from_w]) = (self.at(l, to), self.at(l, from));
         [l.sub_real(x, from_x), l.sub_real(y, from_y), l.sub_real(w, from_w)]
     }
@@ -244,7 +334,7 @@ impl Square<'_> {
     fn keep_connected<L: Lanes>(&self, l: L, inverse_depth: L::Reals, noise: L::Reals, used: &mut [L::Mask; COUNT]) {
         let slope = square(l, l.times_real(l.real(MAX_SLOPE), inverse_depth));
         for (i, offset) in OFFSETS.iter().enumerate().skip(1) {
-            let [x, y, w] = self.step(l, &OFFSETS[offset.inner], offset);
+            let [x, y, w] = self.step(l, offset.inner, i);
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(l.times_real(slope, distance), noise);
             used[i] = l.and(used[offset.inner], l.is_at_least_real(limit, square(l, w)));
@@ -263,8 +353,8 @@ impl Square<'_> {
     ) {
         let bend = square(l, l.times_real(l.real(MAX_DEVIATION * MAX_BEND), inverse_depth));
         let [a, b] = plane.slope;
-        for (offset, used) in OFFSETS.iter().zip(used) {
-            let [x, y, w] = self.step(l, &OFFSETS[0], offset);
+        for (offset, used) in used.iter_mut().enumerate() {
+            let [x, y, w] = self.step(l, 0, offset);
             let expected = l.add_real(plane.at_middle, l.add_real(l.times_real(a, x), l.times_real(b, y)));
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(noise, l.times_real(bend, distance));
@@ -277,9 +367,9 @@ impl Square<'_> {
     fn moments<L: Lanes>(&self, l: L, used: &[L::Mask; COUNT]) -> Moments<L> {
         let (zero, one) = (l.real(0.0), l.real(1.0));
         let mut sums = [zero; 9];
-        for (offset, &used) in OFFSETS.iter().zip(used) {
-            let [x, y, w] = self.step(l, &OFFSETS[0], offset);
-            let [x, y, w] = [x, y, w].map(|value| l.select_real(used, value, zero));
+        for (offset, &used) in used.iter().enumerate() {
+            let [x, y, w] = self.step(l, 0, offset);
+            let [x, y, w] = [l.select_real(used, x, zero), l.select_real(used, y, zero), l.select_real(used, w, zero)];
             let squares = [square(l, x), l.times_real(x, y), square(l, y)];
             let terms = [
                 l.select_real(used, one, zero),
@@ -313,6 +403,18 @@ fn length<L: Lanes>(l: L, [x, y, z]: Sample<L>) -> L::Reals {
 #[inline(always)]
 fn load<L: Lanes>(l: L, plane: &[f32], index: usize) -> L::Reals {
     l.load_reals(&filled(&plane[index..], f32::NAN))
+}
+
+/// Stores the first lanes, as many as there is room for.
+#[inline(always)]
+fn store<L: Lanes>(l: L, a: L::Reals, to: &mut [f32]) {
+    if let Some(all) = to.first_chunk_mut() {
+        l.store_reals(a, all);
+    } else {
+        let mut all = [0.0; LANES];
+        l.store_reals(a, &mut all);
+        to.copy_from_slice(&all[..to.len()]);
+    }
 }
 
 /// Number of samples, sums of x, y, w, and sums of xx, xy, yy, xw, yw.
@@ -351,7 +453,7 @@ impl<L: Lanes> Moments<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::registration::tests::{bowl, camera, camera_of, surface_of};
+    use crate::registration::tests::{bowl, camera, camera_of, cloud_of, points, surface_of};
     use fringeflow::geometry::{Point3, Vector3};
 
     fn angle_deg(surface: &OrganizedSurface, pixel: [isize; 2], truth: &Vector3) -> f64 {
@@ -368,7 +470,7 @@ mod tests {
     fn a_plane_has_the_same_normal_everywhere() {
         let truth = Vector3::new(0.3, -0.4, -0.8).normalize();
         let surface = surface_of(&camera(), 0.0, 1, |ray| on_plane(ray, &truth, -0.25));
-        assert!(surface.points().iter().all(|p| p.normal.is_some()));
+        assert!(points(&surface).iter().all(|p| p.normal.is_some()));
         for pixel in [[0, 0], [40, 30], [79, 63]] {
             assert!(angle_deg(&surface, pixel, &truth) < 0.01);
         }
@@ -379,8 +481,8 @@ mod tests {
         // 0.02 mm over 7 × 7 pixels of 1.3 mm: 0.02 / (1.3 · √(7 · 28)) rad = 0.06°.
         let truth = Vector3::new(0.0, -0.2, -1.0).normalize();
         let surface = surface_of(&camera(), 2e-5, 5, |ray| on_plane(ray, &truth, -0.3));
-        let mean_square = surface.points().iter().map(|p| p.unit_normal().unwrap().angle(&truth).powi(2)).sum::<f64>()
-            / surface.points().len() as f64;
+        let squares = points(&surface).iter().map(|p| p.unit_normal().unwrap().angle(&truth).powi(2)).sum::<f64>();
+        let mean_square = squares / surface.count() as f64;
         let rms_deg = mean_square.sqrt().to_degrees();
         assert!((0.04..0.2).contains(&rms_deg), "{rms_deg}°");
     }
@@ -391,31 +493,47 @@ mod tests {
         let truth = -Vector3::z();
         let surface =
             surface_of(&camera(), 1e-5, 1, |ray| on_plane(ray, &truth, if ray.x < 0.0 { -0.315 } else { -0.3 }));
-        for point in surface.points() {
+        for point in points(&surface) {
             if let Some(normal) = point.unit_normal() {
                 assert!(normal.angle(&truth).to_degrees() < 1.0, "{point:?}");
             }
         }
-        let without = surface.points().iter().filter(|p| p.normal.is_none()).count();
-        assert!(without * 50 < surface.points().len(), "{without} points without a normal");
+        let without = points(&surface).iter().filter(|p| p.normal.is_none()).count();
+        assert!(without * 50 < surface.count(), "{without} points without a normal");
     }
 
     #[test]
     fn single_points_and_lines_have_no_normal() {
         let line = |ray: &Vector3| (ray.y.abs() < 0.002).then(|| Point3::from(ray * 0.3));
         let surface = surface_of(&camera(), 0.0, 1, line);
-        assert!(!surface.points().is_empty());
-        assert!(surface.points().iter().all(|p| p.normal.is_none()));
+        assert!(surface.count() > 0);
+        assert!(points(&surface).iter().all(|p| p.normal.is_none()));
     }
 
     #[test]
-    fn every_level_has_the_same_bits() {
+    fn every_level_and_every_step_has_the_same_bits() {
         // A width that is not a multiple of the lanes, and missing points.
-        let surface = surface_of(&camera_of([77, 53]), 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
-        for step_px in [1, 3] {
-            let expected = normals_at(Level::Portable, &surface, step_px);
-            assert!(expected.iter().map(Vec::len).sum::<usize>() > 100);
-            assert!(Level::ALL.into_iter().all(|level| normals_at(level, &surface, step_px) == expected));
+        let camera = camera_of([77, 53]);
+        let cloud = cloud_of(&camera, 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
+        let mut surface = OrganizedSurface::default();
+        surface.organize(&cloud.points, [77, 53]);
+        let mut normals: [Vec<f32>; 3] = Default::default();
+        normals.iter_mut().for_each(|plane| plane.resize(77 * 53, 0.0));
+        compute_at(Level::Portable, &surface.points, 1, &mut Vec::new(), &mut normals);
+        surface.normals = normals;
+        let all = points(&surface);
+        let mut scratch = Normals::default();
+        for step_px in [1_usize, 2, 3, 5, 7, 8] {
+            let is_sampled = |p: &&SurfacePoint| {
+                p.normal.is_some() && p.cam1_px.iter().all(|place| usize::from(*place).is_multiple_of(step_px))
+            };
+            let expected: Vec<SurfacePoint> = all.iter().filter(is_sampled).copied().collect();
+            assert!(expected.len() > 5);
+            for level in Level::ALL {
+                let mut sampled = SampledPoints::default();
+                scratch.sample_at(level, &surface, surface.count().div_ceil(step_px * step_px), &mut sampled);
+                assert!(sampled.step_px == step_px && sampled.points == expected, "{level:?}, step {step_px}");
+            }
         }
     }
 }

@@ -1,5 +1,13 @@
 //! A surface seen by camera 1: at most one point per pixel, with its normal where the surface is smooth.
+//!
+//! Each property is a plane of the image, so that a step reads only what it needs. A surface keeps its memory from
+//! cloud to cloud.
 
+use std::borrow::Borrow;
+
+use rayon::prelude::*;
+
+use fringeflow::cloud::CloudPoint;
 use fringeflow::geometry::{Point3, Vector3};
 
 /// A point of a surface.
@@ -21,103 +29,174 @@ impl SurfacePoint {
     /// Position in the frame of C1, metres.
     #[must_use]
     pub fn position(&self) -> Point3 {
-        Point3::from(self.position_m.map(f64::from))
+        point_of(self.position_m)
     }
 
     /// Normal in the frame of C1.
     #[must_use]
     pub fn unit_normal(&self) -> Option<Vector3> {
-        self.normal.map(|normal| Vector3::from(normal.map(f64::from)))
+        self.normal.map(|normal| point_of(normal).coords)
     }
+}
+
+fn point_of([x, y, z]: [f32; 3]) -> Point3 {
+    Point3::new(f64::from(x), f64::from(y), f64::from(z))
+}
+
+/// The points of an image of camera 1, as planes of the image, row by row. A pixel without a point has the depth NaN,
+/// and its other values mean nothing.
+#[derive(Clone, Debug, Default)]
+pub(super) struct PointPlanes {
+    pub(super) size_px: [usize; 2],
+    /// Position, frame of C1, metres.
+    pub(super) position_m: [Vec<f32>; 3],
+    /// Standard deviation along the ray, metres.
+    pub(super) sigma_m: Vec<f32>,
+    intensity: Vec<u8>,
 }
 
 /// The points of a surface, addressed by their pixel of C1.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct OrganizedSurface {
-    size_px: [usize; 2],
-    /// Index of the point of each pixel, row by row, or [`NONE`].
-    indices: Vec<u32>,
-    points: Vec<SurfacePoint>,
-    /// Stride of the columns and rows with normals.
-    normal_step_px: usize,
+    pub(super) points: PointPlanes,
+    /// Unit normals towards C1; the first component is NaN if there is none.
+    pub(super) normals: [Vec<f32>; 3],
+    count: usize,
+    centre: Point3,
 }
 
-/// Returns the stride of columns and rows that keeps about `count` of `points` points; at least 1.
-pub(super) fn grid_step(points: usize, count: usize) -> usize {
-    ((points as f64 / count.max(1) as f64).sqrt().round() as usize).max(1)
+/// A row of a surface, to be written.
+pub(crate) struct SurfaceRow<'a> {
+    position_m: [&'a mut [f32]; 3],
+    sigma_m: &'a mut [f32],
+    normals: [&'a mut [f32]; 3],
 }
-
-/// A pixel without a point.
-const NONE: u32 = u32::MAX;
 
 impl OrganizedSurface {
-    /// Creates a surface from points with their normals. Of two points at one pixel, the later one stays.
-    pub(crate) fn new(size_px: [usize; 2], points: impl IntoIterator<Item = SurfacePoint>) -> Self {
+    /// Replaces the surface by the points of a cloud of C1 with images of `size_px` (width, height), without normals.
+    ///
+    /// Skips points outside the image, and points that are not in front of the camera. Of two points at one pixel, the
+    /// later one stays.
+    pub fn organize(&mut self, cloud: impl IntoIterator<Item: Borrow<CloudPoint>>, size_px: [usize; 2]) {
+        self.clear(size_px);
         let [width, height] = size_px;
-        let points = points.into_iter();
-        let storage = Vec::with_capacity(points.size_hint().0);
-        let mut surface = Self { size_px, indices: vec![NONE; width * height], points: storage, normal_step_px: 1 };
-        for point in points {
-            let [u, v] = point.cam1_px.map(usize::from);
-            let is_measured = point.position_m[2] > 0.0 && point.sigma_m.is_finite();
+        let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
+        let PointPlanes { position_m: [x, y, z], sigma_m, intensity, .. } = &mut self.points;
+        for point in cloud {
+            let CloudPoint { position_m, cam1_px, sigma_m: sigma, intensity: grey, .. } = *point.borrow();
+            let [u, v] = [usize::from(cam1_px[0]), usize::from(cam1_px[1])];
+            let is_measured = position_m[2] > 0.0 && sigma.is_finite();
             if u < width && v < height && is_measured {
-                surface.indices[v * width + u] = surface.points.len() as u32;
-                surface.points.push(point);
+                let index = v * width + u;
+                [x[index], y[index], z[index]] = position_m;
+                (sigma_m[index], intensity[index]) = (sigma, grey);
+                count += 1;
+                sum += point_of(position_m).coords;
             }
         }
-        surface
+        self.count = count;
+        self.centre = Point3::from(sum / count.max(1) as f64);
     }
 
-    /// Sets the normals of points, by index. They stand in every `step_px`-th column and row.
-    pub(super) fn set_normals(&mut self, step_px: usize, normals: impl IntoIterator<Item = (u32, [f32; 3])>) {
-        self.normal_step_px = step_px;
-        for (index, normal) in normals {
-            self.points[index as usize].normal = Some(normal);
-        }
+    /// Removes all points.
+    fn clear(&mut self, size_px: [usize; 2]) {
+        let pixels = size_px[0] * size_px[1];
+        let Self { points, normals, .. } = self;
+        points.size_px = size_px;
+        points.position_m.iter_mut().chain([&mut points.sigma_m]).for_each(|plane| plane.resize(pixels, f32::NAN));
+        points.position_m[2].fill(f32::NAN);
+        points.intensity.resize(pixels, 0);
+        normals.iter_mut().for_each(|plane| plane.resize(pixels, f32::NAN));
+        normals[0].fill(f32::NAN);
     }
 
-    /// Stride of the columns and rows with normals.
-    pub(super) fn normal_step_px(&self) -> usize {
-        self.normal_step_px
+    /// Replaces the surface: `write` writes each row, in parallel. It gets the number of the row, and the row without
+    /// points. The surface has neither grey levels nor a centre.
+    pub(crate) fn write_rows(&mut self, size_px: [usize; 2], write: impl Fn(usize, SurfaceRow<'_>) + Sync) {
+        self.clear(size_px);
+        let width = size_px[0].max(1);
+        let rows = |plane| <[f32] as ParallelSliceMut<f32>>::par_chunks_mut(plane, width);
+        let PointPlanes { position_m: [x, y, z], sigma_m, .. } = &mut self.points;
+        let [a, b, c] = &mut self.normals;
+        let planes = (rows(x), rows(y), rows(z), rows(sigma_m), rows(a), rows(b), rows(c));
+        planes.into_par_iter().enumerate().for_each(|(row, (x, y, z, sigma_m, a, b, c))| {
+            write(row, SurfaceRow { position_m: [x, y, z], sigma_m, normals: [a, b, c] });
+        });
     }
 
     /// Width and height of the image, pixels.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
-        self.size_px
+        self.points.size_px
     }
 
-    /// All points.
+    /// Number of points.
     #[must_use]
-    pub fn points(&self) -> &[SurfacePoint] {
-        &self.points
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// All depths, row by row, metres; NaN for pixels without a point.
+    pub(crate) fn depths_m(&self) -> &[f32] {
+        &self.points.position_m[2]
+    }
+
+    /// Number of points with a normal.
+    pub(crate) fn normal_count(&self) -> usize {
+        let has_normal = |(depth, normal): &(&f32, &f32)| !depth.is_nan() && !normal.is_nan();
+        self.depths_m().iter().zip(&self.normals[0]).filter(has_normal).count()
+    }
+
+    /// Iterates over the points of a row, from left to right.
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = SurfacePoint> {
+        let width = self.points.size_px[0];
+        (0..width).filter_map(move |column| self.point(row * width + column, [column as u16, row as u16]))
+    }
+
+    /// Returns the depth of a pixel, metres, or `None` if the pixel has no point or is outside the image.
+    pub(crate) fn depth_at(&self, column: isize, row: isize) -> Option<f32> {
+        let depth_m = self.depths_m()[self.index(column, row)?];
+        (!depth_m.is_nan()).then_some(depth_m)
     }
 
     /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
     #[must_use]
-    pub fn at(&self, column: isize, row: isize) -> Option<&SurfacePoint> {
-        let index = self.point_index(usize::try_from(column).ok()?, usize::try_from(row).ok()?)?;
-        Some(&self.points[index as usize])
+    pub fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
+        self.point(self.index(column, row)?, [column as u16, row as u16])
     }
 
-    /// Returns the index of the point of a pixel, or `None` if the pixel has none or is outside the image.
-    pub(super) fn point_index(&self, column: usize, row: usize) -> Option<u32> {
-        let [width, height] = self.size_px;
-        let index = (column < width && row < height).then(|| self.indices[row * width + column])?;
-        (index != NONE).then_some(index)
+    fn index(&self, column: isize, row: isize) -> Option<usize> {
+        let [width, height] = self.points.size_px;
+        let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
+        (column < width && row < height).then_some(row * width + column)
     }
 
-    /// Iterates over the points of a row by column. A row outside the image has none.
-    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = Option<&SurfacePoint>> {
-        let width = self.size_px[0];
-        let indices = self.indices.get(row * width..(row + 1) * width).unwrap_or_default();
-        indices.iter().map(|&index| self.points.get(index as usize))
+    #[inline]
+    fn point(&self, index: usize, cam1_px: [u16; 2]) -> Option<SurfacePoint> {
+        let PointPlanes { position_m: [x, y, z], sigma_m, intensity, .. } = &self.points;
+        let [a, b, c] = &self.normals;
+        (!z[index].is_nan()).then(|| SurfacePoint {
+            position_m: [x[index], y[index], z[index]],
+            normal: (!a[index].is_nan()).then(|| [a[index], b[index], c[index]]),
+            sigma_m: sigma_m[index],
+            intensity: intensity[index],
+            cam1_px,
+        })
     }
 
     /// Mean of the points in the frame of C1, metres; the origin if there are none.
     #[must_use]
     pub fn centre(&self) -> Point3 {
-        let sum: Vector3 = self.points.iter().map(|p| p.position().coords).sum();
-        Point3::from(sum / self.points.len().max(1) as f64)
+        self.centre
+    }
+}
+
+impl SurfaceRow<'_> {
+    /// Sets the point of a column: position and standard deviation in metres, and its unit normal.
+    pub(crate) fn set(&mut self, column: usize, position_m: [f32; 3], sigma_m: f32, normal: [f32; 3]) {
+        let Self { position_m: [x, y, z], sigma_m: sigmas_m, normals: [a, b, c] } = self;
+        [x[column], y[column], z[column]] = position_m;
+        [a[column], b[column], c[column]] = normal;
+        sigmas_m[column] = sigma_m;
     }
 }

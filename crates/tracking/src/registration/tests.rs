@@ -54,7 +54,27 @@ pub(crate) fn surface_of(
     meet: impl Fn(&Vector3) -> Option<Point3>,
 ) -> OrganizedSurface {
     let cloud = cloud_of(camera, sigma_m, seed, meet);
-    OrganizedSurface::from_cloud(&cloud, [camera.width_px(), camera.height_px()])
+    let mut surface = OrganizedSurface::default();
+    surface.organize(&cloud.points, [camera.width_px(), camera.height_px()]);
+    Normals::default().compute(&mut surface);
+    surface
+}
+
+/// All points of such a surface that have a normal.
+pub(crate) fn sample_of(
+    camera: &Camera,
+    sigma_m: f64,
+    seed: u64,
+    meet: impl Fn(&Vector3) -> Option<Point3>,
+) -> SampledPoints {
+    let mut sampled = SampledPoints::default();
+    Normals::default().sample(&surface_of(camera, sigma_m, seed, meet), usize::MAX, &mut sampled);
+    sampled
+}
+
+/// All points of a surface, row by row.
+pub(crate) fn points(surface: &OrganizedSurface) -> Vec<SurfacePoint> {
+    (0..surface.size_px()[1]).flat_map(|row| surface.row(row)).collect()
 }
 
 /// Intersects the ray of a camera at `world_from_cam1` with hills of a height, about 0.3 m away.
@@ -88,7 +108,7 @@ fn error(found: &Pose, truth: &Pose) -> Vector6<f64> {
 fn registered(camera: &Camera, sigma_m: f64, seed: u64) -> Registration {
     let truth = motion();
     let reference = surface_of(camera, sigma_m, 2 * seed, bowl);
-    let moved = surface_of(camera, sigma_m, 2 * seed + 1, |ray| hills(&truth, 0.004, ray));
+    let moved = sample_of(camera, sigma_m, 2 * seed + 1, |ray| hills(&truth, 0.004, ray));
     register(camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap()
 }
 
@@ -129,7 +149,7 @@ fn errors_shared_by_neighbours_are_not_independent() {
     for k in 0..trials {
         let phase = f64::from(k) * 0.26;
         let reference = surface_of(&camera, 1e-5, 1, rippled(Pose::identity(), 0.0));
-        let moved = surface_of(&camera, 1e-5, 2, rippled(motion(), phase));
+        let moved = sample_of(&camera, 1e-5, 2, rippled(motion(), phase));
         let found = register(&camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap();
         let e = error(&found.reference_from_moved, &motion());
         sum += e.dot(&(found.covariance.0.try_inverse().unwrap() * e)) / 6.0;
@@ -141,20 +161,21 @@ fn errors_shared_by_neighbours_are_not_independent() {
 #[test]
 fn a_plane_is_degenerate() {
     let camera = camera_of([160, 128]);
-    let flat = |seed| surface_of(&camera, 2e-5, seed, |ray| hills(&Pose::identity(), 0.0, ray));
-    let lost = register(&camera, &flat(1), &flat(2), &Pose::identity(), &RegistrationSettings::default());
+    let plane = |ray: &Vector3| hills(&Pose::identity(), 0.0, ray);
+    let (flat, moved) = (surface_of(&camera, 2e-5, 1, plane), sample_of(&camera, 2e-5, 2, plane));
+    let lost = register(&camera, &flat, &moved, &Pose::identity(), &RegistrationSettings::default());
     assert!(matches!(lost, Err(Lost::Degenerate { .. })), "{lost:?}");
 }
 
 #[test]
 fn a_distant_surface_has_no_partners() {
     let camera = camera();
-    let (reference, moved) = (surface_of(&camera, 2e-5, 1, bowl), surface_of(&camera, 2e-5, 2, bowl));
+    let (reference, moved) = (surface_of(&camera, 2e-5, 1, bowl), sample_of(&camera, 2e-5, 2, bowl));
     let settings = RegistrationSettings::default();
     let far = Pose::translation(0.0, 0.0, 0.05);
     let lost = register(&camera, &reference, &moved, &far, &settings);
     assert!(matches!(lost, Err(Lost::TooFewInCommon { .. })), "{lost:?}");
-    let nothing = register(&camera, &reference, &OrganizedSurface::default(), &far, &settings);
+    let nothing = register(&camera, &reference, &SampledPoints::default(), &far, &settings);
     assert!(matches!(nothing, Err(Lost::TooFewInCommon { .. })), "{nothing:?}");
     let none = register(&camera, &OrganizedSurface::default(), &moved, &Pose::identity(), &settings);
     assert!(matches!(none, Err(Lost::TooFewInCommon { .. })), "{none:?}");
@@ -165,7 +186,7 @@ fn another_surface_is_refused() {
     let camera = camera_of([160, 128]);
     let reference = surface_of(&camera, 2e-5, 1, bowl);
     // Hills that are lower by a third.
-    let other = surface_of(&camera, 2e-5, 2, |ray| hills(&Pose::identity(), 0.0027, ray));
+    let other = sample_of(&camera, 2e-5, 2, |ray| hills(&Pose::identity(), 0.0027, ray));
     let settings = RegistrationSettings { max_rms_share: 2e-4, ..RegistrationSettings::default() };
     let lost = register(&camera, &reference, &other, &Pose::identity(), &settings);
     assert!(matches!(lost, Err(Lost::ResidualTooLarge { .. } | Lost::TooFewInCommon { .. })), "{lost:?}");

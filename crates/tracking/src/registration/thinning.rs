@@ -1,21 +1,40 @@
 //! Samples the points of a surface for a level, and divides them into tiles.
 
-use super::surface::{OrganizedSurface, SurfacePoint, grid_step};
+use fringeflow::geometry::Point3;
+
+use super::surface::SurfacePoint;
 
 /// Tiles along the longer side of the visible surface. Errors within a tile may depend on each other (see
 /// [`super::equations`]). A tile should be larger than the range of that dependence, but there must be many tiles.
 const TILES_ACROSS: usize = 16;
 
-/// The points of a surface that have a normal, on a regular grid of pixels.
-pub(super) struct SampledPoints {
-    points: Vec<SurfacePoint>,
-    step_px: usize,
+/// The points of a surface that have a normal, on a regular grid of pixels. See [`super::Normals::sample`].
+#[derive(Clone, Debug)]
+pub struct SampledPoints {
+    /// Row by row.
+    pub(super) points: Vec<SurfacePoint>,
+    /// Stride of the columns and rows of the grid.
+    pub(super) step_px: usize,
+    /// Mean of all points of the surface in the frame of C1, metres.
+    pub(super) centre: Point3,
+}
+
+impl Default for SampledPoints {
+    fn default() -> Self {
+        Self { points: Vec::new(), step_px: 1, centre: Point3::origin() }
+    }
+}
+
+/// Returns the stride of columns and rows that keeps about `count` of `points` points; at least 1.
+pub(super) fn grid_step(points: usize, count: usize) -> usize {
+    ((points as f64 / count.max(1) as f64).sqrt().round() as usize).max(1)
 }
 
 impl SampledPoints {
-    pub(super) fn from_surface(surface: &OrganizedSurface) -> Self {
-        let points = surface.points().iter().filter(|p| p.normal.is_some()).copied().collect();
-        Self { points, step_px: surface.normal_step_px() }
+    /// Mean of all points of the surface in the frame of C1, metres; the origin if there are none.
+    #[must_use]
+    pub fn centre(&self) -> Point3 {
+        self.centre
     }
 
     /// Returns about `count` of the points, by tile of the image. Tiles without points are skipped.
@@ -42,16 +61,15 @@ impl SampledPoints {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::registration::tests::{bowl, camera, surface_of};
+    use crate::registration::tests::{bowl, camera, sample_of};
 
     #[test]
     fn tiles_hold_about_the_wanted_number_and_no_point_twice() {
-        let surface = surface_of(&camera(), 0.0, 1, bowl);
+        let sampled = sample_of(&camera(), 0.0, 1, bowl);
         for count in [100, 600, 100_000] {
-            let tiles = SampledPoints::from_surface(&surface).tiles(count);
+            let tiles = sampled.tiles(count);
             let mut pixels: Vec<[u16; 2]> = tiles.concat().iter().map(|p| p.cam1_px).collect();
-            let expected = count.min(surface.points().len());
+            let expected = count.min(sampled.points.len());
             assert!(pixels.len() * 2 > expected && pixels.len() < expected * 2, "{} of {expected}", pixels.len());
             pixels.sort_unstable();
             pixels.dedup();

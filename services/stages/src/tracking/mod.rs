@@ -6,7 +6,7 @@
 
 mod model_publisher;
 
-use fringeflow::cloud::{Cloud, read_records};
+use fringeflow::cloud::{RECORD_BYTES, decode_record};
 use fringeflow_message::{CloudHeader, DropReason, PoseReport, PriorHeader, Stage};
 use fringeflow_runtime::{
     Account, Host, ItemTimes, MAX_WAIT, ServiceArgs, ServiceError, WindowSpan, clock, receive, sent_messages,
@@ -130,16 +130,17 @@ impl TrackingStage {
 
     fn track(&mut self, cloud: Received<CloudHeader, [u8]>, host: &mut Host) -> Result<(), ServiceError> {
         let (taken_ns, header) = (clock::now_ns(), *cloud.header());
-        let points = read_records(cloud.payload()).filter(|points| points.len() as u64 == header.points);
-        // Before the step: the publisher needs the sample back soon.
-        drop(cloud);
-        let Some(points) = points else {
+        let count = header.points as usize;
+        if count.checked_mul(RECORD_BYTES) != Some(cloud.payload().len()) {
             tracing::warn!(cloud = header.published, "the payload of a cloud contradicts its header");
             self.account.drop_one(DropReason::Malformed)?;
             host.report(Stage::Tracking, self.account.counts(), None);
             return Ok(());
-        };
-        let tracked = self.tracker.step(&Cloud { points }, header.window.centre_ns);
+        }
+        // The tracker drops the points, and with them the sample, before its work begins: the publisher needs the
+        // sample back soon.
+        let points = (0..count).map(move |k| decode_record(&cloud.payload().as_chunks().0[k]));
+        let tracked = self.tracker.step(points, header.window.centre_ns);
         let first_cloud = self.first_cloud.unwrap_or(header.published);
         let report = pose_report(&self.tracker, &tracked, &header, first_cloud);
         let published = sent_messages(Stage::Tracking, self.account.counts());
