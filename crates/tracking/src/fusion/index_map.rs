@@ -14,6 +14,8 @@ use super::surfel::Surfel;
 
 /// Cells along each side of a pixel.
 const CELLS: usize = 2;
+/// Pixels that are passed over together where there is no surfel. The number changes no result.
+const BLOCK_PX: usize = 16;
 /// Largest depth difference of surfels of one surface within a pixel or two, as a share of the depth. With a larger
 /// difference, one hides the other.
 const SAME_SURFACE_SHARE: f64 = 0.01;
@@ -109,7 +111,9 @@ impl IndexMap {
     /// Writes the visible surface in the frame of camera 1: for each pixel the surfel nearest to its centre.
     pub(super) fn write_surface(&self, surfels: &[Surfel], cam1_from_model: &Pose, surface: &mut OrganizedSurface) {
         surface.write_rows([self.width / CELLS, self.height / CELLS], |v, mut row| {
-            for u in 0..self.width / CELLS {
+            let columns = 0..self.width / CELLS;
+            let blocks = columns.clone().step_by(BLOCK_PX).filter(|&first| !self.is_empty(first, v));
+            for u in blocks.flat_map(|first| first..(first + BLOCK_PX).min(columns.end)) {
                 if let Some(index) = self.foremost(&Pixel::new(u as f64, v as f64)) {
                     let surfel = &surfels[index];
                     let position = (cam1_from_model * surfel.position).coords;
@@ -119,6 +123,15 @@ impl IndexMap {
                 }
             }
         });
+    }
+
+    /// Whether no surfel is near the [`BLOCK_PX`] pixels of a row from a column on.
+    fn is_empty(&self, first: usize, row: usize) -> bool {
+        let near = |from: usize, pixels: usize, length: usize| {
+            (from * CELLS).saturating_sub(CELLS / 2)..((from + pixels) * CELLS + CELLS / 2).min(length)
+        };
+        let (columns, mut rows) = (near(first, BLOCK_PX, self.width), near(row, 1, self.height));
+        rows.all(|row| self.cells[row * self.width..][columns.clone()].iter().all(|&index| index == NONE))
     }
 
     /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel.

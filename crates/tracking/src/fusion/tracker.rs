@@ -266,7 +266,8 @@ impl Tracker {
         let width = self.camera.width_px().max(1);
         let rows = (0_u16..).zip(self.surface.depths_m().chunks(width));
         let points = rows.flat_map(|(v, row)| (0_u16..).zip(row).map(move |(u, &depth_m)| ([u, v], depth_m)));
-        self.relief = Relief::from_points(self.size_px(), points);
+        let measured = points.filter(|(_, depth_m)| !depth_m.is_nan());
+        self.relief = Relief::from_points(self.size_px(), measured);
     }
 
     fn size_px(&self) -> [usize; 2] {

@@ -222,15 +222,21 @@ impl Window {
             let columns = (remainder..width).step_by(self.step_px);
             let count = columns.len();
             let [rho, eta] = self.rays.each_mut().map(|plane| &mut plane[first..][..count]);
-            let (inverse, noise) = (&mut self.inverse_depth[first..][..count], &mut self.noise[first..][..count]);
+            let inverse = &mut self.inverse_depth[first..][..count];
             for (k, u) in columns.enumerate() {
                 let inverse_depth = 1.0 / z[u];
                 rho[k] = x[u] * inverse_depth;
                 eta[k] = y[u] * inverse_depth;
                 inverse[k] = inverse_depth;
-                let deviation = MAX_DEVIATION * sigma_m[u] * inverse_depth * inverse_depth;
-                noise[k] = deviation * deviation;
             }
+        }
+        // Of the noise, only that of wanted columns is read; their run is the one of the remainder 0.
+        let place = self.remainders.iter().position(|&remainder| remainder == 0).unwrap_or_default();
+        let first = slot + place * self.run + REACH_PX;
+        for (k, u) in (0..width).step_by(self.step_px).enumerate() {
+            let inverse_depth = self.inverse_depth[first + k];
+            let deviation = MAX_DEVIATION * sigma_m[u] * inverse_depth * inverse_depth;
+            self.noise[first + k] = deviation * deviation;
         }
     }
 
@@ -286,22 +292,19 @@ impl Square<'_> {
     /// Returns the normals towards C1, and a mask of the pixels that have one.
     #[inline(always)]
     fn normals<L: Lanes>(&self, l: L) -> ([L::Reals; 3], L::Mask) {
-        // used = pixels with a point
-        // used = those connected to the centre without a depth edge
+        // used = pixels with a point that are connected to the centre without a depth edge
         // plane = fit(used); used = those that fit the plane
         // plane = fit(used); the normal is −(a, b, c) / |(a, b, c)| of 1/z = (a, b, c)·(ρ, η, 1)
-        let [x, y, w] = self.at(l, 0);
+        let centre @ [x, y, w] = self.at(l, 0);
         // `w ≥ w` is false for NaN, which marks a pixel without a point.
         let has_point = l.is_at_least_real(w, w);
         if !l.any(has_point) {
-            return ([w; 3], has_point);
+            return (centre, has_point);
         }
         let mut used = [has_point; COUNT];
         let noise = load(l, &self.window.noise, self.starts[0] + self.first);
-        self.keep_connected(l, w, noise, &mut used);
-        let (first, has_first) = self.moments(l, &used).plane(l);
-        self.keep_fitting(l, &first, w, noise, &mut used);
-        let (plane, has_plane) = self.moments(l, &used).plane(l);
+        let (first, has_first) = self.connected(l, centre, noise, &mut used).plane(l);
+        let (plane, has_plane) = self.fitting(l, centre, noise, &first, &used).plane(l);
         // `n/d`, its length, and the length of the ray.
         let Plane { at_middle, slope: [a, b] } = plane;
         let here = l.add_real(w, at_middle);
@@ -321,73 +324,52 @@ impl Square<'_> {
         [load(l, x, index), load(l, y, index), load(l, inverse_depth, index)]
     }
 
-    /// Returns the difference of the samples at two offsets.
+    /// Finds the offsets that are connected to the centre, ring by ring outwards: no step on the way may exceed what
+    /// [`MAX_SLOPE`] and noise explain. Returns their moments.
     #[inline(always)]
-    fn step<L: Lanes>(&self, l: L, from: usize, to: usize) -> Sample<L> {
-        let ([x, y, w], [from_x, from_y, from_w]) = (self.at(l, to), self.at(l, from));
-        [l.sub_real(x, from_x), l.sub_real(y, from_y), l.sub_real(w, from_w)]
-    }
-
-    /// Keeps the offsets that are connected to the centre, ring by ring outwards: no step on the way may exceed what
-    /// [`MAX_SLOPE`] and noise explain.
-    #[inline(always)]
-    fn keep_connected<L: Lanes>(&self, l: L, inverse_depth: L::Reals, noise: L::Reals, used: &mut [L::Mask; COUNT]) {
-        let slope = square(l, l.times_real(l.real(MAX_SLOPE), inverse_depth));
+    fn connected<L: Lanes>(&self, l: L, centre: Sample<L>, noise: L::Reals, used: &mut [L::Mask; COUNT]) -> Moments<L> {
+        let slope = square(l, l.times_real(l.real(MAX_SLOPE), centre[2]));
+        let mut moments = Moments::zero(l);
+        moments.add(l, used[0], difference(l, centre, centre));
         for (i, offset) in OFFSETS.iter().enumerate().skip(1) {
-            let [x, y, w] = self.step(l, offset.inner, i);
+            let here = self.at(l, i);
+            let [x, y, w] = difference(l, here, self.at(l, offset.inner));
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(l.times_real(slope, distance), noise);
             used[i] = l.and(used[offset.inner], l.is_at_least_real(limit, square(l, w)));
+            moments.add(l, used[i], difference(l, here, centre));
         }
+        moments
     }
 
-    /// Keeps the offsets whose inverse depth fits a plane within noise and bend.
+    /// Returns the moments of the used offsets whose inverse depth fits a plane within noise and bend.
     #[inline(always)]
-    fn keep_fitting<L: Lanes>(
+    fn fitting<L: Lanes>(
         &self,
         l: L,
-        plane: &Plane<L>,
-        inverse_depth: L::Reals,
+        centre: Sample<L>,
         noise: L::Reals,
-        used: &mut [L::Mask; COUNT],
-    ) {
-        let bend = square(l, l.times_real(l.real(MAX_DEVIATION * MAX_BEND), inverse_depth));
+        plane: &Plane<L>,
+        used: &[L::Mask; COUNT],
+    ) -> Moments<L> {
+        let bend = square(l, l.times_real(l.real(MAX_DEVIATION * MAX_BEND), centre[2]));
         let [a, b] = plane.slope;
-        for (offset, used) in used.iter_mut().enumerate() {
-            let [x, y, w] = self.step(l, 0, offset);
+        let mut moments = Moments::zero(l);
+        for (i, &used) in used.iter().enumerate() {
+            let off @ [x, y, w] = difference(l, self.at(l, i), centre);
             let expected = l.add_real(plane.at_middle, l.add_real(l.times_real(a, x), l.times_real(b, y)));
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(noise, l.times_real(bend, distance));
-            *used = l.and(*used, l.is_at_least_real(limit, square(l, l.sub_real(expected, w))));
+            moments.add(l, l.and(used, l.is_at_least_real(limit, square(l, l.sub_real(expected, w)))), off);
         }
+        moments
     }
+}
 
-    /// Sums the differences from the centre over the used offsets.
-    #[inline(always)]
-    fn moments<L: Lanes>(&self, l: L, used: &[L::Mask; COUNT]) -> Moments<L> {
-        let (zero, one) = (l.real(0.0), l.real(1.0));
-        let mut sums = [zero; 9];
-        for (offset, &used) in used.iter().enumerate() {
-            let [x, y, w] = self.step(l, 0, offset);
-            let [x, y, w] = [l.select_real(used, x, zero), l.select_real(used, y, zero), l.select_real(used, w, zero)];
-            let squares = [square(l, x), l.times_real(x, y), square(l, y)];
-            let terms = [
-                l.select_real(used, one, zero),
-                x,
-                y,
-                w,
-                squares[0],
-                squares[1],
-                squares[2],
-                l.times_real(x, w),
-                l.times_real(y, w),
-            ];
-            for (sum, term) in sums.iter_mut().zip(terms) {
-                *sum = l.add_real(*sum, term);
-            }
-        }
-        Moments(sums)
-    }
+/// Returns a sample relative to another one.
+#[inline(always)]
+fn difference<L: Lanes>(l: L, [x, y, w]: Sample<L>, [from_x, from_y, from_w]: Sample<L>) -> Sample<L> {
+    [l.sub_real(x, from_x), l.sub_real(y, from_y), l.sub_real(w, from_w)]
 }
 
 #[inline(always)]
@@ -428,6 +410,28 @@ struct Plane<L: Lanes> {
 }
 
 impl<L: Lanes> Moments<L> {
+    #[inline(always)]
+    fn zero(l: L) -> Self {
+        Self([l.real(0.0); 9])
+    }
+
+    /// Adds a sample, relative to the centre, where it is used.
+    #[inline(always)]
+    fn add(&mut self, l: L, used: L::Mask, [x, y, w]: Sample<L>) {
+        let zero = l.real(0.0);
+        let (x, y, w) = (l.select_real(used, x, zero), l.select_real(used, y, zero), l.select_real(used, w, zero));
+        let Self([count, sum_x, sum_y, sum_w, xx, xy, yy, xw, yw]) = self;
+        *count = l.add_real(*count, l.select_real(used, l.real(1.0), zero));
+        *sum_x = l.add_real(*sum_x, x);
+        *sum_y = l.add_real(*sum_y, y);
+        *sum_w = l.add_real(*sum_w, w);
+        *xx = l.add_real(*xx, square(l, x));
+        *xy = l.add_real(*xy, l.times_real(x, y));
+        *yy = l.add_real(*yy, square(l, y));
+        *xw = l.add_real(*xw, l.times_real(x, w));
+        *yw = l.add_real(*yw, l.times_real(y, w));
+    }
+
     /// Returns the least-squares planes, and a mask where they exist: not for too few samples or samples on a line.
     #[inline(always)]
     fn plane(self, l: L) -> (Plane<L>, L::Mask) {
