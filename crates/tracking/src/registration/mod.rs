@@ -20,6 +20,7 @@ mod outcome;
 mod smooth_error;
 mod surface;
 mod thinning;
+mod window;
 
 pub use covariance::PoseCovariance;
 pub use icp::{register, register_loosely};

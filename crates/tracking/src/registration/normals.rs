@@ -12,69 +12,16 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
 use super::surface::{OrganizedSurface, PointPlanes, SurfacePoint};
 use super::thinning::{SampledPoints, grid_step};
+use super::window::{COUNT, MAX_DEVIATION, OFFSETS, Window};
 
-/// Pixels to each side of the centre that a plane is fitted to.
-const REACH_PX: usize = 3;
-/// Side of that square, pixels.
-const SIDE: usize = 2 * REACH_PX + 1;
-/// Number of pixels in that square.
-const COUNT: usize = SIDE * SIDE;
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f32 = 5.67;
 /// Minimum number of points for a plane, of 49.
 const MIN_POINTS: f32 = 12.0;
-/// Maximum residual of the second fit, in standard deviations of noise and bend together.
-const MAX_DEVIATION: f32 = 3.0;
 /// Bend of the surface that is treated as noise, per distance from the pixel.
 const MAX_BEND: f32 = 0.05;
 /// Minimum determinant of the centred moments, relative to that of equal moments. Below it, the points lie on a line.
 const MIN_SPREAD: f32 = 0.02;
-
-/// A pixel of the square, relative to its centre.
-#[derive(Clone, Copy)]
-struct Offset {
-    column: isize,
-    row: isize,
-    /// Index in [`OFFSETS`] of the pixel one step nearer to the centre.
-    inner: usize,
-}
-
-/// The pixels of the square: the centre first, then ring by ring outwards.
-const OFFSETS: [Offset; COUNT] = offsets();
-
-const fn offsets() -> [Offset; COUNT] {
-    let mut offsets = [Offset { column: 0, row: 0, inner: 0 }; COUNT];
-    let (mut count, mut ring) = (1, 1);
-    while ring <= REACH_PX as isize {
-        let mut row = -ring;
-        while row <= ring {
-            let mut column = -ring;
-            while column <= ring {
-                if row.abs() == ring || column.abs() == ring {
-                    let towards = [nearer(column, ring), nearer(row, ring)];
-                    offsets[count] = Offset { column, row, inner: index_of(&offsets, count, towards) };
-                    count += 1;
-                }
-                column += 1;
-            }
-            row += 1;
-        }
-        ring += 1;
-    }
-    offsets
-}
-
-const fn nearer(along: isize, ring: isize) -> isize {
-    if along.abs() == ring { along - along.signum() } else { along }
-}
-
-const fn index_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize; 2]) -> usize {
-    let mut index = 0;
-    while index + 1 < count && (offsets[index].column != column || offsets[index].row != row) {
-        index += 1;
-    }
-    index
-}
 
 /// Computes normals. Its scratch buffers live from cloud to cloud.
 #[derive(Clone, Debug, Default)]
@@ -143,113 +90,6 @@ fn compute_at(
             fringeflow_simd::run(level, Row { window, normals: [x, y, z] });
         }
     });
-}
-
-/// The rows around one row of an image, as arrays of numbers. NaN marks pixels without a point, as outside the image.
-///
-/// The columns whose normals are wanted lie side by side, so that a kernel computes 32 of them at once; so do the
-/// columns beside them: columns of one remainder by the step form a run.
-#[derive(Clone, Debug, Default)]
-struct Window {
-    size_px: [usize; 2],
-    step_px: usize,
-    /// Remainders by the step of the columns that are read.
-    remainders: Vec<usize>,
-    /// Length of a run, and of a row of runs.
-    run: usize,
-    stride: usize,
-    /// Number of the image row that each row of the arrays holds, plus [`REACH_PX`]; a row `v` is held at `v` modulo
-    /// [`SIDE`].
-    held: [Option<usize>; SIDE],
-    /// The row in the middle.
-    middle: usize,
-    /// ρ and η of the ray `(ρ, η, 1)`.
-    rays: [Vec<f32>; 2],
-    /// 1/m.
-    inverse_depth: Vec<f32>,
-    /// Square of the largest deviation that noise explains, 1/m².
-    noise: Vec<f32>,
-}
-
-impl Window {
-    /// Arranges the arrays for an image and a step. They then hold no row.
-    fn arrange(&mut self, size_px: [usize; 2], step_px: usize) {
-        self.held = [None; SIDE];
-        if (self.size_px, self.step_px) == (size_px, step_px) {
-            return;
-        }
-        (self.size_px, self.step_px) = (size_px, step_px);
-        self.remainders.clear();
-        for column in -(REACH_PX as isize)..=REACH_PX as isize {
-            let remainder = column.rem_euclid(step_px as isize) as usize;
-            if !self.remainders.contains(&remainder) {
-                self.remainders.push(remainder);
-            }
-        }
-        self.run = size_px[0].div_ceil(step_px).next_multiple_of(LANES) + 2 * REACH_PX;
-        self.stride = self.run * self.remainders.len();
-        let Self { rays: [x, y], inverse_depth, noise, .. } = self;
-        for plane in [x, y, inverse_depth, noise] {
-            plane.clear();
-            plane.resize(self.stride * SIDE, f32::NAN);
-        }
-    }
-
-    /// Moves the window to a row of the image.
-    fn move_to(&mut self, points: &PointPlanes, row: usize) {
-        self.middle = row;
-        for above in row..row + SIDE {
-            if self.held[above % SIDE] != Some(above) {
-                self.held[above % SIDE] = Some(above);
-                self.fill(points, above);
-            }
-        }
-    }
-
-    /// Reads the row `above - REACH_PX` of the image, which may lie outside.
-    fn fill(&mut self, points: &PointPlanes, above: usize) {
-        let [width, height] = self.size_px;
-        let slot = (above % SIDE) * self.stride;
-        let Some(row) = above.checked_sub(REACH_PX).filter(|&row| row < height) else {
-            self.inverse_depth[slot..][..self.stride].fill(f32::NAN);
-            return;
-        };
-        let columns = row * width..(row + 1) * width;
-        let [x, y, z] = points.position_m.each_ref().map(|plane| &plane[columns.clone()]);
-        let sigma_m = &points.sigma_m[columns];
-        for (place, &remainder) in self.remainders.iter().enumerate() {
-            let first = slot + place * self.run + REACH_PX;
-            let columns = (remainder..width).step_by(self.step_px);
-            let count = columns.len();
-            let [rho, eta] = self.rays.each_mut().map(|plane| &mut plane[first..][..count]);
-            let inverse = &mut self.inverse_depth[first..][..count];
-            for (k, u) in columns.enumerate() {
-                let inverse_depth = 1.0 / z[u];
-                rho[k] = x[u] * inverse_depth;
-                eta[k] = y[u] * inverse_depth;
-                inverse[k] = inverse_depth;
-            }
-        }
-        // Of the noise, only that of wanted columns is read; their run is the one of the remainder 0.
-        let place = self.remainders.iter().position(|&remainder| remainder == 0).unwrap_or_default();
-        let first = slot + place * self.run + REACH_PX;
-        for (k, u) in (0..width).step_by(self.step_px).enumerate() {
-            let inverse_depth = self.inverse_depth[first + k];
-            let deviation = MAX_DEVIATION * sigma_m[u] * inverse_depth * inverse_depth;
-            self.noise[first + k] = deviation * deviation;
-        }
-    }
-
-    /// Returns for each pixel of the square the index in the arrays that belongs to the first column with a normal.
-    fn starts(&self) -> [usize; COUNT] {
-        OFFSETS.map(|Offset { column, row, .. }| {
-            let slot = (self.middle + REACH_PX).wrapping_add_signed(row) % SIDE;
-            let step_px = self.step_px as isize;
-            let remainder = column.rem_euclid(step_px) as usize;
-            let place = self.remainders.iter().position(|&r| r == remainder).unwrap_or_default();
-            (slot * self.stride + place * self.run + REACH_PX).wrapping_add_signed(column.div_euclid(step_px))
-        })
-    }
 }
 
 /// Computes the normals of the row in the middle of a window.
