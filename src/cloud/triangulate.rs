@@ -16,6 +16,8 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use crate::correspondence::{Confidence, Outcome, RayRow, SegmentTable};
@@ -98,13 +100,14 @@ impl Triangulator {
 
     /// Prepares the triangulation of a window. Returns the number of matches: the largest number of its points.
     pub fn count_matches(&mut self, input: &TriangulationInput<'_>) -> usize {
+        let rows = input.outcomes.par_chunks_exact(input.width.max(1)).with_min_len(ROWS_PER_TASK);
+        let matches = |outcomes: &[Outcome]| outcomes.iter().filter(|outcome| outcome.is_found()).count();
+        rows.map(|outcomes| RowPoints { begin: 0, count: matches(outcomes) }).collect_into_vec(&mut self.rows);
         let mut end = 0;
-        self.rows.clear();
-        self.rows.extend(input.outcomes.chunks_exact(input.width.max(1)).map(|outcomes| {
-            let begin = end;
-            end += outcomes.iter().map(|outcome| usize::from(outcome.is_found())).sum::<usize>();
-            RowPoints { begin, count: 0 }
-        }));
+        for row in &mut self.rows {
+            row.begin = end;
+            end += std::mem::take(&mut row.count);
+        }
         end
     }
 

@@ -10,7 +10,7 @@ use fringeflow::correspondence::{Matches, Outcome};
 use fringeflow::worker::Correspondences;
 use fringeflow_message::{Block, CorrespondenceHeader, DELTA_PARTS, Window};
 
-use super::planes::{blocks_of, next_plane, next_plane_mut};
+use super::planes::{blocks_of, copy, next_plane, next_plane_mut};
 use super::{WireError, checked_pixels, drift};
 
 /// Number of blocks of the payload for images of `pixels` pixels.
@@ -52,15 +52,15 @@ pub fn write(found: &Correspondences, mut out: &mut [Block]) {
     let matches = &found.matches;
     let pixels = matches.outcomes.len();
     let out = &mut out;
-    next_plane_mut(out, pixels).copy_from_slice(&matches.chosen.column_px);
-    next_plane_mut(out, pixels).copy_from_slice(&found.modulation);
+    copy(&matches.chosen.column_px, next_plane_mut(out, pixels));
+    copy(&found.modulation, next_plane_mut(out, pixels));
     for plane in [&matches.chosen.order, &matches.chosen.delta, &matches.chosen.slope] {
-        next_plane_mut(out, pixels).copy_from_slice(plane);
+        copy(plane, next_plane_mut(out, pixels));
     }
-    next_plane_mut(out, pixels).copy_from_slice(&matches.confidence);
-    next_plane_mut(out, pixels).copy_from_slice(bytemuck::cast_slice::<_, u8>(&matches.outcomes));
-    next_plane_mut(out, pixels).copy_from_slice(&matches.passing);
-    next_plane_mut(out, pixels).copy_from_slice(&found.mean);
+    copy(&matches.confidence, next_plane_mut(out, pixels));
+    copy::<u8>(bytemuck::cast_slice(&matches.outcomes), next_plane_mut(out, pixels));
+    copy(&matches.passing, next_plane_mut(out, pixels));
+    copy(&found.mean, next_plane_mut(out, pixels));
 }
 
 /// Borrows correspondences from a payload, for triangulation.

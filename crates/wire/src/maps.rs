@@ -1,10 +1,12 @@
 //! Phase maps of both cameras: per camera phase `u16`, modulation `u16`, mean `u8`, valid `u8` (0 or 1).
 
+use rayon::prelude::*;
+
 use fringeflow::phase::{Exposure, FitStatistics, Harmonics, Modulation, Motion, PhaseMap};
 use fringeflow::worker::PhasePair;
 use fringeflow_message::{Block, Fit, MapsHeader, Window};
 
-use super::planes::{blocks_of, next_plane, next_plane_mut, refill};
+use super::planes::{PIECE_VALUES, blocks_of, copy, next_plane, next_plane_mut, refill};
 use super::{WireError, checked_pixels, drift};
 
 /// Number of blocks of the payload for images of `pixels` pixels.
@@ -34,12 +36,10 @@ pub fn header(maps: &PhasePair, window: &Window, skew_ns: i64, published: u64) -
 pub fn write(maps: &PhasePair, mut out: &mut [Block]) {
     for map in [&maps.cam1, &maps.cam2] {
         let pixels = map.phase.len();
-        next_plane_mut(&mut out, pixels).copy_from_slice(&map.phase);
-        next_plane_mut(&mut out, pixels).copy_from_slice(&map.modulation);
-        next_plane_mut(&mut out, pixels).copy_from_slice(&map.mean);
-        for (byte, &valid) in next_plane_mut::<u8>(&mut out, pixels).iter_mut().zip(&map.valid) {
-            *byte = u8::from(valid);
-        }
+        copy(&map.phase, next_plane_mut(&mut out, pixels));
+        copy(&map.modulation, next_plane_mut(&mut out, pixels));
+        copy(&map.mean, next_plane_mut(&mut out, pixels));
+        copy::<u8>(bytemuck::cast_slice(&map.valid), next_plane_mut(&mut out, pixels));
     }
 }
 
@@ -94,8 +94,7 @@ fn read_map(map: &mut PhaseMap, view: &MapView<'_>) {
     refill(&mut map.phase, view.phase);
     refill(&mut map.modulation, view.modulation);
     refill(&mut map.mean, view.mean);
-    map.valid.clear();
-    map.valid.extend(view.valid.iter().map(|&byte| byte != 0));
+    view.valid.par_iter().with_min_len(PIECE_VALUES).map(|&byte| byte != 0).collect_into_vec(&mut map.valid);
 }
 
 fn fit(map: &PhaseMap) -> Fit {

@@ -1,8 +1,12 @@
 //! Planes of a payload.
 
 use bytemuck::Pod;
+use rayon::prelude::*;
 
 use fringeflow_message::Block;
+
+/// Values of a plane that a thread copies at a time.
+pub(super) const PIECE_VALUES: usize = 1 << 16;
 
 /// Number of blocks of a plane of `pixels` values of type `T`.
 pub(super) const fn blocks_of<T>(pixels: usize) -> usize {
@@ -26,8 +30,14 @@ pub(super) fn next_plane<'a, T: Pod>(rest: &mut &'a [Block], pixels: usize) -> &
     &bytemuck::cast_slice(plane)[..pixels]
 }
 
+/// Copies a plane in parallel.
+pub(super) fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut [T]) {
+    let pieces = to.par_chunks_mut(PIECE_VALUES).zip(from.par_chunks(PIECE_VALUES));
+    pieces.for_each(|(to, from)| to.copy_from_slice(from));
+}
+
 /// Copies a plane into a vector and reuses its memory.
-pub(super) fn refill<T: Pod>(vector: &mut Vec<T>, plane: &[T]) {
-    vector.clear();
-    vector.extend_from_slice(plane);
+pub(super) fn refill<T: Pod + Send + Sync>(vector: &mut Vec<T>, plane: &[T]) {
+    vector.resize(plane.len(), T::zeroed());
+    copy(plane, vector);
 }
