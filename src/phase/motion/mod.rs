@@ -2,10 +2,11 @@
 //!
 //! In: M = N + K images in order of time, equally spaced, with their phase shifts (K at least 1). Out: the [`PhaseMap`]
 //! at the centre of the window, with its [`Motion`]. Cost per pixel: eight sums of M images instead of three of N, and
-//! three rounds of motion compensation. (The paper, section 2.1, takes the scene to be at rest during a sequence.)
+//! thirteen operations per image for the residual; per cell of four pixels, two rounds of motion compensation. (The paper,
+//! section 2.1, takes the scene to be at rest during a sequence.)
 //!
 //! ```text
-//!  images ─► equalize brightness ─► fit A, z, z' at every pixel ─► motion ε over 5 × 5 pixels
+//!  images ─► equalize brightness ─► fit A, z, z' at every pixel ─► motion ε of cells of 2 × 2 pixels
 //!         ─► remove the ripple that ε causes from z ─► images of two surfaces: fit only those of one
 //! ```
 //!
@@ -18,8 +19,8 @@
 //! If the motion of the scene is known in advance ([`Flow`]), *follow* first samples the images along the motion, and
 //! *fits by motion* adds the expected phase motion to the shifts. The motion that remains for the steps above is small.
 //!
-//! *band*: kernel over rows, made of *linear* (the fit), *estimate* (the motion) and *ripple* (its removal);
-//! *window*: all bands of an image; *one surface* and *solve*: pixels that are decoded again.
+//! *band*: kernel over rows, made of *linear* (the fit), *cells* and *estimate* (the motion), *ripple* and *moving cells*
+//! (what follows from it); *window*: all bands of an image; *one surface* and *solve*: pixels that are decoded again.
 
 mod band;
 mod brightness;
