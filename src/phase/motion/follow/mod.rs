@@ -1,6 +1,6 @@
 //! Samples the images of a window along the known motion, so that a pixel shows the same surface point in all of them.
 //!
-//! In: images and a [`Flow`]. Out: sampled images and the fit of each tile. Cost: about eight multiply-adds per sample,
+//! In: images and a [`Flow`]. Out: sampled images and the fit of each tile. Cost: about six multiply-adds per sample,
 //! and a fit of one row in eight.
 //!
 //! ```text
