@@ -32,11 +32,14 @@ pub trait Transform {
     /// Returns the number of a message in its channel.
     fn published(header: &Self::InHeader) -> u64;
 
+    /// Returns the window that a message belongs to.
+    fn window(header: &Self::InHeader) -> Window;
+
     /// Computes the result of a message. The publisher gets its memory back when the message is dropped.
     ///
     /// # Errors
     /// The message contradicts itself, or there is no result.
-    fn step(&mut self, message: Received<Self::InHeader, Self::InPayload>) -> Result<Window, Dropped>;
+    fn step(&mut self, message: Received<Self::InHeader, Self::InPayload>) -> Result<(), Dropped>;
 
     /// Sends the result with number `published`.
     ///
@@ -145,13 +148,11 @@ impl<T: Transform> Service<'_, T> {
             return Ok(());
         }
         let span = WindowSpan::new(T::STAGE, number);
-        let result = span.work(|| self.transform.step(message));
-        match result {
+        let window = T::window(message.header());
+        span.identify(&window);
+        match span.work(|| self.transform.step(message)) {
             Err(dropped) => span.work(|| self.drop_item(&dropped))?,
-            Ok(window) => {
-                span.identify(&window);
-                self.send_result(&window, taken_ns, &span)?;
-            }
+            Ok(()) => self.send_result(&window, taken_ns, &span)?,
         }
         Ok(())
     }

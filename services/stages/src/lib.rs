@@ -6,8 +6,8 @@
 //!                              └───────────────────────────── prior ────────────────────────────┘
 //! ```
 //!
-//! Each service is thin: it warms its worker up, opens its ports, calls a worker of the library, and counts the items that it takes, passes
-//! on and drops.
+//! Each service is thin: it warms its worker up, opens its ports, calls a worker of the library, and counts the items
+//! that it takes, passes on and drops.
 
 #![forbid(unsafe_code)]
 

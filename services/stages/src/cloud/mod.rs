@@ -29,8 +29,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
 /// The points are computed where they are sent: in the memory of the channel.
 struct CloudStage {
     worker: CloudWorker,
-    /// The message that the next cloud is made of.
-    correspondences: Option<Received<CorrespondenceHeader, [Block]>>,
+    /// The message that the next cloud is made of, and its number of matches.
+    correspondences: Option<(Received<CorrespondenceHeader, [Block]>, usize)>,
 }
 
 impl Transform for CloudStage {
@@ -48,23 +48,24 @@ impl Transform for CloudStage {
         header.published
     }
 
-    fn step(&mut self, message: Received<CorrespondenceHeader, [Block]>) -> Result<Window, Dropped> {
-        let (header, payload) = (message.header(), message.payload());
-        let input = wire::correspondences::view(header, payload);
-        let input = input.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
-        if !input.outcomes.iter().any(|outcome| outcome.is_found()) {
+    fn window(header: &CorrespondenceHeader) -> Window {
+        header.window
+    }
+
+    fn step(&mut self, message: Received<CorrespondenceHeader, [Block]>) -> Result<(), Dropped> {
+        let input = wire::correspondences::view(message.header(), message.payload());
+        let matches = self.worker.count_matches(&input.map_err(|e| Dropped::new(DropReason::Malformed, e))?);
+        if matches == 0 {
             return Err(Dropped::new(DropReason::EmptyCloud, "no pixel of camera 1 has a correspondence"));
         }
-        let window = header.window;
-        self.correspondences = Some(message);
-        Ok(window)
+        self.correspondences = Some((message, matches));
+        Ok(())
     }
 
     fn send(&mut self, published: u64, output: &mut Publisher<CloudHeader, [u8]>) -> Result<(), TransportError> {
-        let Some(message) = self.correspondences.take() else { return Ok(()) };
+        let Some((message, matches)) = self.correspondences.take() else { return Ok(()) };
         let found = message.header();
         let Ok(input) = wire::correspondences::view(found, message.payload()) else { return Ok(()) };
-        let matches = self.worker.count_matches(&input);
         let header = |points: usize| CloudHeader {
             published,
             window: found.window,

@@ -119,14 +119,18 @@ impl Transform for CorrespondenceStage {
         header.published
     }
 
-    fn step(&mut self, message: Received<MapsHeader, [Block]>) -> Result<Window, Dropped> {
+    fn window(header: &MapsHeader) -> Window {
+        header.window
+    }
+
+    fn step(&mut self, message: Received<MapsHeader, [Block]>) -> Result<(), Dropped> {
         self.header = *message.header();
         let read = wire::maps::read(&self.header, message.payload(), &mut self.maps);
         // Before the long work: the publisher needs the sample back soon.
         drop(message);
         read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
         let result = self.worker.step(&self.maps, &mut self.correspondences);
-        result.map(|()| self.header.window).map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
+        result.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
     }
 
     fn send(
