@@ -34,20 +34,19 @@ const ROWS_PER_TASK: usize = 16;
 const RAD_PER_DELTA: f32 = (TAU / 65536.0) as f32;
 
 /// The matches of all pixels of C1, row by row, and what triangulation needs besides.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangulationInput<'a> {
     /// Width of the images of C1, pixels.
     pub width: usize,
     /// How each pixel was decided.
     pub outcomes: &'a [Outcome],
-    /// Column of the correspondence in the epipolar frame, fringe order, δ and slope of the phase, as in
-    /// [`ChosenCandidates`](crate::correspondence::ChosenCandidates).
+    /// Column of the correspondence in the epipolar frame.
     pub column_px: &'a [f32],
-    /// See above.
+    /// Fringe order.
     pub order: &'a [i16],
-    /// See above.
+    /// δ, turns · 65536.
     pub delta: &'a [i16],
-    /// See above.
+    /// Slope of the phase along the epipolar line, turns · 65536 per column.
     pub slope: &'a [i16],
     /// Orders that the surface around the pixel leaves possible.
     pub passing: &'a [u8],

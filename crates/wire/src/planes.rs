@@ -32,6 +32,8 @@ pub(super) fn next_plane<'a, T: Pod>(rest: &mut &'a [Block], pixels: usize) -> &
 
 /// Copies a plane in parallel.
 pub(super) fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut [T]) {
+    // Otherwise pieces that only one side has would be left out.
+    assert_eq!(from.len(), to.len(), "the planes must have the same size");
     let pieces = to.par_chunks_mut(PIECE_VALUES).zip(from.par_chunks(PIECE_VALUES));
     pieces.for_each(|(to, from)| to.copy_from_slice(from));
 }

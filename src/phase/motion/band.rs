@@ -31,8 +31,8 @@ use super::motion_histogram::{MotionHistogram, is_counted};
 use super::moving_cells::MovingCells;
 use super::ripple::Turns;
 
-/// Rows on either side that a phase depends on.
-const HALO: usize = 2;
+/// Rows on either side that a phase depends on: those of a cell.
+const HALO: usize = CELL;
 /// Strips whose fits are kept, and strips whose cells are kept.
 const FITTED_STRIPS: usize = 2;
 const CELL_STRIPS: usize = 3;
@@ -144,10 +144,8 @@ impl<S: Sample> Band<'_, '_, S> {
         let blocks = self.images.width.div_ceil(LANES);
         for block in 0..blocks {
             let (fit, expected_rad) = self.fits.for_block([first, block]);
-            let cells = &self.scratch.cells;
-            let strips = [strip - 1, strip, strip + 1];
-            let [above, below] = [&cells[strips[0] % CELL_STRIPS], &cells[strips[2] % CELL_STRIPS]];
-            let moments = sums_around(lanes, [above, &cells[strip % CELL_STRIPS], below], block, expected_rad);
+            let cells = |strip: usize| &self.scratch.cells[strip % CELL_STRIPS];
+            let moments = sums_around(lanes, [cells(strip - 1), cells(strip), cells(strip + 1)], block, expected_rad);
             let (motion_rad, known) = estimate::motion(lanes, fit, &moments, turns);
             self.scratch.moving.set(lanes, fit, motion_rad, known, turns);
             for row in first..(first + STRIP_ROWS).min(self.rows.end) {

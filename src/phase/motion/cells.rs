@@ -109,8 +109,8 @@ impl StripCells {
     }
 }
 
-/// Sums of the moments over the 3 × 3 cells around each cell of a block of a strip, which lies between two others. Along
-/// and across, they are weighted by [`WEIGHTS`].
+/// Sums of the moments over the 3 × 3 cells around each cell of a block of a strip, which lies between two others. They
+/// are weighted by [`WEIGHTS`] along the rows, and alike between the rows: there the own row is added twice.
 #[inline(always)]
 pub(super) fn sums_around<L: Lanes>(
     lanes: L,

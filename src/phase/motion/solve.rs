@@ -81,8 +81,8 @@ impl Batch {
             let [cos, sin] = &self.shifts[image];
             let [cos, sin] = turns.moved(l, [l.load_reals(cos), l.load_reals(sin)], [image, images]);
             let w = l.load_reals(&self.kept[image]);
-            let (wc, ws) = (l.times_real(w, cos), l.times_real(l.sub_real(l.real(0.0), w), sin));
             let s = l.sub_real(l.real(0.0), sin);
+            let (wc, ws) = (l.times_real(w, cos), l.times_real(w, s));
             let grey = l.sub_real(l.load_reals(&self.greys[image]), reference);
             let products = [
                 w,
