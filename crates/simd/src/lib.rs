@@ -90,6 +90,15 @@ pub fn filled<T: Copy, const COUNT: usize>(values: &[T], other: T) -> [T; COUNT]
     }
 }
 
+/// Stores as many of the values as fit into `to`. The counterpart of [`filled`].
+#[inline(always)]
+pub fn store_first<T: Copy, const COUNT: usize>(values: &[T; COUNT], to: &mut [T]) {
+    match to.first_chunk_mut() {
+        Some(all) => *all = *values,
+        None => to.copy_from_slice(&values[..to.len()]),
+    }
+}
+
 /// Returns the mask bits of the first `count` lanes; all bits if `count` is greater than [`LANES`].
 #[inline(always)]
 pub fn first_lanes(count: usize) -> u32 {

@@ -8,14 +8,14 @@
 //!     fit each pixel; moments of the fits over cells of 2 × 2 pixels               fit_strip
 //!     for the strip before it, whose surroundings are complete now:                decode_strip
 //!         motion of each cell, from the moments of 3 × 3 cells
-//!         what depends on the motion alone: removal of its ripple, moved shifts
+//!         what depends on the motion alone: removal of its ripple, responses of the residuals
 //!         phase, modulation, mean and validity of each pixel
 //! ```
 
 use std::ops::Range;
 
-use fringeflow_base::limits::MAX_IMAGES;
-use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
+use fringeflow_simd::{HALF, Kernel, LANES, Lanes, first_lanes, store_first};
 
 use crate::phase::Validity;
 use crate::phase::map::Modulation;
@@ -42,6 +42,8 @@ const CELL_STRIPS: usize = 3;
 pub(super) struct BandScratch {
     greys: [[f32; LANES]; MAX_IMAGES],
     fitted: Vec<Fitted>,
+    /// Residuals of each of these fits, as many as a window may have.
+    fit_residuals: Vec<[f32; LANES]>,
     cells: [StripCells; CELL_STRIPS],
     moving: MovingCells,
     pub(super) residuals: Residuals,
@@ -50,12 +52,19 @@ pub(super) struct BandScratch {
 }
 
 impl BandScratch {
-    fn resize(&mut self, blocks: usize) {
-        self.fitted.resize_with(FITTED_STRIPS * STRIP_ROWS * blocks, Fitted::default);
+    fn resize(&mut self, blocks: usize, images: usize) {
+        let fits = FITTED_STRIPS * STRIP_ROWS * blocks;
+        self.fitted.resize_with(fits, Fitted::default);
+        self.fit_residuals.resize(fits * most_residuals(images), [0.0; LANES]);
         self.cells.iter_mut().for_each(|cells| cells.clear(blocks));
         self.residuals = Residuals::default();
         self.motions = MotionHistogram::default();
     }
+}
+
+/// Most residuals of the fit of a window.
+fn most_residuals(images: usize) -> usize {
+    images - MIN_STEPS
 }
 
 /// Results of a band.
@@ -64,23 +73,36 @@ pub(super) struct Planes<'a> {
     pub(super) modulation: &'a mut [Modulation],
     pub(super) mean: &'a mut [u8],
     pub(super) valid: &'a mut [bool],
-    pub(super) block_fits: &'a mut [BlockFit],
+    pub(super) cell_fits: &'a mut [CellFits],
 }
 
-/// Motion and residual of 32 pixels of a row.
-#[derive(Clone, Debug)]
-pub(super) struct BlockFit {
-    /// Phase motion of the surface point, rad per image; NaN where unknown.
-    pub(super) motion_rad: [f32; LANES],
-    /// Standard deviation of the samples about the moving sinusoid, grey levels.
-    pub(super) residual: [f32; LANES],
-    /// Pixels with a saturated sample: bit k for pixel k.
-    pub(super) saturated: u32,
+/// Motion and residuals of a row of 16 cells.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CellFits {
+    motion_rad: [f32; HALF],
+    residual_steps: [[u16; LANES]; CELL],
+    saturated: [u32; CELL],
 }
 
-impl Default for BlockFit {
-    fn default() -> Self {
-        Self { motion_rad: [0.0; LANES], residual: [0.0; LANES], saturated: 0 }
+impl CellFits {
+    /// Steps per grey level of a residual.
+    const PER_GREY: f32 = 256.0;
+
+    /// Phase motion of the surface point of a pixel, rad per image; NaN where unknown.
+    pub(super) fn motion_rad(&self, column: usize) -> f32 {
+        self.motion_rad[column % LANES / CELL]
+    }
+
+    /// Standard deviation of the samples of 32 pixels about moving sinusoids, grey levels.
+    #[inline(always)]
+    pub(super) fn residual<L: Lanes>(&self, lanes: L, row: usize) -> L::Reals {
+        let steps = lanes.reals_of_words(&self.residual_steps[row % CELL]);
+        lanes.times_real(steps, lanes.real(1.0 / Self::PER_GREY))
+    }
+
+    /// Pixels of a row with a saturated sample: bit k for pixel k.
+    pub(super) fn saturated(&self, row: usize) -> u32 {
+        self.saturated[row % CELL]
     }
 }
 
@@ -99,7 +121,7 @@ impl<S: Sample> Kernel for Band<'_, '_, S> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self, lanes: L) {
-        self.scratch.resize(self.images.width.div_ceil(LANES));
+        self.scratch.resize(self.images.width.div_ceil(LANES), self.images.count);
         let mut turns = Turns::new(lanes);
         // Strips are counted from the one before the image, which has no rows.
         let (first, last) = (self.rows.start / STRIP_ROWS, self.rows.end.div_ceil(STRIP_ROWS) + 1);
@@ -118,7 +140,7 @@ impl<S: Sample> Band<'_, '_, S> {
     fn fit_strip<L: Lanes>(&mut self, lanes: L, strip: usize) {
         let needed = self.rows.start.saturating_sub(HALO)..(self.rows.end + HALO).min(self.images.height);
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
-        let fitted = &mut self.scratch.fitted[strip % FITTED_STRIPS * STRIP_ROWS * blocks..][..STRIP_ROWS * blocks];
+        let most = most_residuals(self.images.count);
         for half in 0..STRIP_ROWS / CELL {
             for block in 0..blocks {
                 let count = (width - block * LANES).min(LANES);
@@ -128,8 +150,11 @@ impl<S: Sample> Band<'_, '_, S> {
                     let Some(row) = row else { continue };
                     let (fit, expected) = self.fits.for_block([row, block]);
                     let place = [row * width + block * LANES, count];
-                    let (fitted, greys) = (&mut fitted[k * blocks + block], &mut self.scratch.greys);
-                    sums = sums.plus(lanes, fitted.fit(lanes, self.images, fit, self.validity, place, greys));
+                    let slot = (strip % FITTED_STRIPS * STRIP_ROWS + k) * blocks + block;
+                    let BandScratch { fitted, fit_residuals, greys, .. } = &mut *self.scratch;
+                    let residuals = &mut fit_residuals[slot * most..][..fit.freedom()];
+                    let moments = fitted[slot].fit(lanes, self.images, fit, self.validity, place, residuals, greys);
+                    sums = sums.plus(lanes, moments);
                     expected_rad = expected;
                 }
                 self.scratch.cells[strip % CELL_STRIPS].set(lanes, [half, block], sums, expected_rad);
@@ -148,10 +173,21 @@ impl<S: Sample> Band<'_, '_, S> {
             let moments = sums_around(lanes, [cells(strip - 1), cells(strip), cells(strip + 1)], block, expected_rad);
             let (motion_rad, known) = estimate::motion(lanes, fit, &moments, turns);
             self.scratch.moving.set(lanes, fit, motion_rad, known, turns);
+            self.store_motion(lanes, [first, block], motion_rad, known);
             for row in first..(first + STRIP_ROWS).min(self.rows.end) {
                 self.finish(lanes, [row, block]);
             }
         }
+    }
+
+    /// Stores the motion of the cells of a block.
+    #[inline(always)]
+    fn store_motion<L: Lanes>(&mut self, lanes: L, [first, block]: [usize; 2], motion_rad: L::Reals, known: L::Mask) {
+        let blocks = self.images.width.div_ceil(LANES);
+        let followed_rad = lanes.real(self.fits.followed_rad([first, block]));
+        let motion_rad = lanes.select_real(known, lanes.add_real(motion_rad, followed_rad), lanes.real(f32::NAN));
+        let (upper, lower) = self.planes.cell_fits[(first - self.rows.start) / CELL * blocks..].split_at_mut(blocks);
+        lanes.store_halves(motion_rad, &mut upper[block].motion_rad, &mut lower[block].motion_rad);
     }
 
     /// Computes phase, modulation, mean and validity of a block of known motion.
@@ -165,16 +201,16 @@ impl<S: Sample> Band<'_, '_, S> {
     #[inline(always)]
     fn finish<L: Lanes>(&mut self, lanes: L, [row, block]: [usize; 2]) {
         let l = lanes;
-        let ((fit, _), followed_rad) = (self.fits.for_block([row, block]), self.fits.followed_rad([row, block]));
         let (width, blocks) = (self.images.width, self.images.width.div_ceil(LANES));
         let count = (width - block * LANES).min(LANES);
         let moving = self.scratch.moving.row(row % STRIP_ROWS / CELL);
         let strip = row / STRIP_ROWS + 1;
-        let fitted = (strip % FITTED_STRIPS * STRIP_ROWS + row % STRIP_ROWS) * blocks + block;
-        let fitted = &self.scratch.fitted[fitted];
+        let slot = (strip % FITTED_STRIPS * STRIP_ROWS + row % STRIP_ROWS) * blocks + block;
+        let fitted = &self.scratch.fitted[slot];
+        let (fit, _) = self.fits.for_block([row, block]);
+        let residuals = &self.scratch.fit_residuals[slot * most_residuals(self.images.count)..][..fit.freedom()];
         let z = moving.without_ripple(l, [l.load_reals(&fitted.z[0]), l.load_reals(&fitted.z[1])]);
-        let place = [row * width + block * LANES, count];
-        let [offset, residual] = moving.residual(l, self.images, fit, place, l.load_reals(&fitted.offset), z);
+        let [offset, residual] = moving.residual(l, (&fitted.offset, residuals), z);
         let [re, im] = z;
         let modulation = l.root_real(l.add_real(l.times_real(re, re), l.times_real(im, im)));
         let is_lit = l.is_at_least_real(modulation, l.real(self.validity.min_modulation_grey));
@@ -183,11 +219,10 @@ impl<S: Sample> Band<'_, '_, S> {
         let valid = l.and(valid, l.mask(first_lanes(count)));
         let steps = l.min_real(l.times_real(modulation, l.real(Modulation::PER_GREY)), l.real(65535.0));
         let mean = l.max_real(l.min_real(l.add_real(offset, l.real(0.5)), l.real(255.0)), l.real(0.0));
-        let motion_rad = moving.motion_rad(l);
-        let block_fit = &mut self.planes.block_fits[(row - self.rows.start) * blocks + block];
-        l.store_reals(l.add_real(motion_rad, l.real(followed_rad)), &mut block_fit.motion_rad);
-        l.store_reals(residual, &mut block_fit.residual);
-        block_fit.saturated = fitted.saturated;
+        let cell_fits = &mut self.planes.cell_fits[(row - self.rows.start) / CELL * blocks + block];
+        let residual_steps = l.min_real(l.times_real(residual, l.real(CellFits::PER_GREY)), l.real(65535.0));
+        l.store_real_words(residual_steps, &mut cell_fits.residual_steps[row % CELL]);
+        cell_fits.saturated[row % CELL] = fitted.saturated;
         let mut decoded = DecodedBlock::default();
         l.store_real_words(turn_fractions(l, z), &mut decoded.phase);
         l.store_real_words(steps, &mut decoded.modulation);
@@ -195,10 +230,8 @@ impl<S: Sample> Band<'_, '_, S> {
         l.store_mask(valid, &mut decoded.valid);
         decoded.copy_to(&mut self.planes, (row - self.rows.start) * width + block * LANES, count);
         if is_counted(row) {
-            // Statistics use the rounded modulation, as every later reader of the map does.
-            let modulation = l.times_real(l.reals_of_words(&decoded.modulation), l.real(1.0 / Modulation::PER_GREY));
             self.scratch.residuals.add_block(l, residual, modulation, l.bits(valid));
-            self.scratch.motions.add_block(l, motion_rad, l.bits(valid));
+            self.scratch.motions.add_block(l, moving.motion_rad(l), l.bits(valid));
         }
     }
 }
@@ -217,21 +250,10 @@ impl DecodedBlock {
     #[inline(always)]
     fn copy_to(&self, planes: &mut Planes<'_>, pixel: usize, count: usize) {
         let places = pixel..pixel + count;
-        let modulation: &mut [u16] = bytemuck::cast_slice_mut(&mut planes.modulation[places.clone()]);
-        let (phase, mean, valid) =
-            (&mut planes.phase[places.clone()], &mut planes.mean[places.clone()], &mut planes.valid[places]);
-        // Copies of constant length are single instructions.
-        if count == LANES {
-            phase.copy_from_slice(&self.phase);
-            modulation.copy_from_slice(&self.modulation);
-            mean.copy_from_slice(&self.mean);
-            valid.copy_from_slice(&self.valid);
-        } else {
-            phase.copy_from_slice(&self.phase[..count]);
-            modulation.copy_from_slice(&self.modulation[..count]);
-            mean.copy_from_slice(&self.mean[..count]);
-            valid.copy_from_slice(&self.valid[..count]);
-        }
+        store_first(&self.phase, &mut planes.phase[places.clone()]);
+        store_first(&self.modulation, bytemuck::cast_slice_mut(&mut planes.modulation[places.clone()]));
+        store_first(&self.mean, &mut planes.mean[places.clone()]);
+        store_first(&self.valid, &mut planes.valid[places]);
     }
 }
 

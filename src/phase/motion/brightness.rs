@@ -1,7 +1,7 @@
 //! Brightness of each image relative to the others: exposure, projector and lamps drift or flicker.
 //!
 //! In: M images. Out: a brightness per image, which is divided out before anything else is measured. Cost: one pixel in
-//! nine, twice.
+//! nine, once or twice.
 //!
 //! If image i is brighter by `1 + γ_i`, the fit of a sinusoid has residuals that depend only on γ, A and z. Linear
 //! least squares over blocks of pixels all over the image yield γ; the motion of each block is removed first.
@@ -11,7 +11,7 @@
 //! which their fits cannot distinguish from the fringes. Its only trace looks like that of a nonlinear projector.
 //!
 //! ```text
-//! twice (the second time corrects the error of linearization):
+//! once, or twice if γ is so large that linearization errs:
 //!     for each block of 16 × 16 pixels, 48 apart, rows of blocks in parallel:
 //!         load grey levels; fit A, z, z' at each pixel; keep lit pixels without edges
 //!         motion of the block from z' and z
@@ -28,7 +28,6 @@ use fringeflow_simd::{Kernel, LANES, Lanes, Level};
 use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
-use super::brightness_plan::BrightnessEqualization;
 use super::fit::MotionFit;
 use super::follow::Fits;
 use super::image_times::time;
@@ -37,8 +36,8 @@ use super::images::Images;
 /// Side of a block, pixels: some fringes, so that all phases occur; and distance between blocks.
 const BLOCK: usize = 16;
 const PITCH: usize = 48;
-/// Pixels of a block.
-const PIXELS: usize = BLOCK * BLOCK;
+/// Pairs of rows of a block, which fill the lanes.
+const PAIRS: usize = BLOCK / 2;
 const _: () = assert!(2 * BLOCK == LANES, "two rows are loaded at a time");
 /// Numbers of the fit that are needed here: A, Re z, Im z, Re z' and Im z'.
 const FITTED: usize = 5;
@@ -48,8 +47,9 @@ const RIDGE: f64 = 1e-4;
 const LARGEST: f64 = 0.3;
 /// Residual ÷ modulation from which on a pixel counts as an edge and is ignored.
 const EDGE_SHARE: f32 = 0.25;
-/// Rounds of linearized least squares.
-const ROUNDS: usize = 2;
+/// Most rounds of linearized least squares. One is enough up to this γ: its error is about γ².
+const MOST_ROUNDS: usize = 2;
+const LINEAR: f64 = 0.01;
 
 /// Divides out the brightness of the images. Returns the largest deviation from their mean, relative to it.
 pub(super) fn compensate<S: Sample>(
@@ -60,10 +60,13 @@ pub(super) fn compensate<S: Sample>(
     scratch: &mut Vec<BrightnessSums>,
 ) -> f32 {
     let plain = images.grey_per_value;
-    for _ in 0..ROUNDS {
+    for _ in 0..MOST_ROUNDS {
         let Some(deviations) = deviations(level, images, fits, validity, scratch) else { break };
         for (grey_per_value, deviation) in images.grey_per_value.iter_mut().zip(&deviations) {
             *grey_per_value /= (1.0 + deviation) as f32;
+        }
+        if deviations.iter().all(|gamma| gamma.abs() <= LINEAR) {
+            break;
         }
     }
     let share = |(now, before): (&f32, &f32)| (before / now - 1.0).abs();
@@ -99,7 +102,7 @@ fn deviations<S: Sample>(
     scratch: &mut Vec<BrightnessSums>,
 ) -> Option<[f64; MAX_IMAGES]> {
     let count = images.count;
-    let observable = &fits.common().equalization.as_ref()?.observable;
+    let observable = &fits.common().equalization.observable;
     let starts = |length: usize| (0..(length + 1).saturating_sub(BLOCK)).step_by(PITCH);
     scratch.clear();
     scratch.resize_with(starts(images.height).len(), BrightnessSums::default);
@@ -108,7 +111,7 @@ fn deviations<S: Sample>(
         for u in starts(images.width) {
             let (v, centre) = (row * PITCH, BLOCK / 2);
             let (fit, _) = fits.for_block([v + centre, (u + centre) / LANES]);
-            let Some(BrightnessEqualization { projector, .. }) = &fit.equalization else { continue };
+            let projector = &fit.equalization.projector;
             let first = v * images.width + u;
             let block = Block { images, fit, validity, projector, first, samples: &mut samples, sums };
             fringeflow_simd::run(level, block);
@@ -142,7 +145,7 @@ fn deviations<S: Sample>(
 }
 
 /// One number per pixel of a block.
-type Plane = [[f32; LANES]; PIXELS / LANES];
+type Plane = [[f32; LANES]; PAIRS];
 
 /// Samples of a block and their fit.
 #[derive(Default)]
@@ -226,8 +229,8 @@ impl<S: Sample> Kernel for Block<'_, S> {
 }
 
 impl BlockSamples {
-    /// Loads the grey levels of a block, two rows at a time, and fits them. Keeps the pixels that are well lit and not at
-    /// an edge, and returns their `Σ Im(z'·z*)` and `Σ |z|²`.
+    /// Loads the grey levels of a block and fits them. Keeps the pixels that are well lit and not at an edge, and returns
+    /// their `Σ Im(z'·z*)` and `Σ |z|²`.
     #[inline(always)]
     fn load<L: Lanes, S: Sample>(
         &mut self,
@@ -240,18 +243,28 @@ impl BlockSamples {
         let l = lanes;
         let least = 4.0 * validity.min_modulation_grey * validity.min_modulation_grey;
         let edge = EDGE_SHARE * EDGE_SHARE * images.count as f32;
-        let (mut slope, mut power) = (l.real(0.0), l.real(0.0));
-        for pair in 0..PIXELS / LANES {
-            let (mut fitted, mut greatest) = ([l.real(0.0); FITTED], l.word(0));
-            for (image, weights) in fit.weights.iter().enumerate() {
+        // All at once: the samples come from the main memory.
+        let mut greatest = [l.word(0); PAIRS];
+        for (pair, greatest) in greatest.iter_mut().enumerate() {
+            for (image, greys) in self.greys.iter_mut().enumerate().take(images.count) {
+                let row = |row: usize| images.samples_from(image, first + (2 * pair + row) * images.width);
+                let [Some(upper), Some(lower)] = [row(0).first_chunk::<BLOCK>(), row(1).first_chunk::<BLOCK>()] else {
+                    // Blocks lie inside the image.
+                    continue;
+                };
                 let mut samples = [S::default(); LANES];
-                for (row, samples) in samples.chunks_exact_mut(BLOCK).enumerate() {
-                    let begin = first + (2 * pair + row) * images.width;
-                    samples.copy_from_slice(&images.samples_from(image, begin)[..BLOCK]);
-                }
-                greatest = l.max_unsigned(greatest, S::unsigned(l, S::words(l, &samples)));
+                samples[..BLOCK].copy_from_slice(upper);
+                samples[BLOCK..].copy_from_slice(lower);
+                *greatest = l.max_unsigned(*greatest, S::unsigned(l, S::words(l, &samples)));
                 let grey = l.times_real(S::reals(l, &samples), l.real(images.grey_per_value[image]));
-                l.store_reals(grey, &mut self.greys[image][pair]);
+                l.store_reals(grey, &mut greys[pair]);
+            }
+        }
+        let (mut slope, mut power) = (l.real(0.0), l.real(0.0));
+        for (pair, greatest) in greatest.into_iter().enumerate() {
+            let mut fitted = [l.real(0.0); FITTED];
+            for (greys, weights) in self.greys.iter().zip(&fit.weights) {
+                let grey = l.load_reals(&greys[pair]);
                 let mut k = 0;
                 while k < FITTED {
                     fitted[k] = l.add_real(fitted[k], l.times_real(grey, l.real(weights[k])));
@@ -299,9 +312,11 @@ fn dot<L: Lanes>(lanes: L, a: &Plane, b: &Plane) -> f64 {
 fn sum<L: Lanes>(lanes: L, reals: L::Reals) -> f64 {
     let mut parts = [0.0; LANES];
     lanes.store_reals(reals, &mut parts);
-    let mut sum = 0.0;
-    for part in parts {
-        sum += f64::from(part);
+    // Eight at once, then those.
+    let mut sums = [0.0; 8];
+    for parts in parts.as_chunks().0 {
+        let parts: &[f32; 8] = parts;
+        sums.iter_mut().zip(parts).for_each(|(sum, &part)| *sum += f64::from(part));
     }
-    sum
+    sums.iter().sum()
 }

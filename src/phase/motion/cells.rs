@@ -1,5 +1,5 @@
-//! Sums over the surroundings of a pixel, which share one motion. In: moments of pixels. Out: their weighted sums
-//! over 3 × 3 cells of 2 × 2 pixels. Cost: some three operations per pixel and moment.
+//! Sums over the surroundings of a pixel, which share one motion. In: moments of pixels. Out: their sums over
+//! 3 × 3 cells of 2 × 2 pixels. Cost: some three operations per pixel and moment.
 //!
 //! A *strip* is four rows of pixels, two rows of cells. The cells of 32 × 4 pixels fill the lanes: first 16 cells of
 //! the upper row, then 16 of the lower one.
@@ -11,10 +11,8 @@ pub(super) const CELL: usize = 2;
 pub(super) const STRIP_ROWS: usize = 2 * CELL;
 /// Cells on either side of a row, without moments.
 const MARGIN: usize = 1;
-/// Weights of a cell and its neighbours. The motion is then as local, and its noise as small, as with 5 × 5 pixels.
-const WEIGHTS: [f32; 2 * MARGIN + 1] = [1.0, 2.0, 1.0];
 
-/// Weighted sums of products of z and z'.
+/// Sums of products of z and z'.
 #[derive(Clone, Copy)]
 pub(super) struct Moments<L: Lanes> {
     /// |z|².
@@ -109,8 +107,7 @@ impl StripCells {
     }
 }
 
-/// Sums of the moments over the 3 × 3 cells around each cell of a block of a strip, which lies between two others. They
-/// are weighted by [`WEIGHTS`] along the rows, and alike between the rows: there the own row is added twice.
+/// Sums of the moments over the 3 × 3 cells around each cell of a block of a strip, which lies between two others.
 #[inline(always)]
 pub(super) fn sums_around<L: Lanes>(
     lanes: L,
@@ -125,12 +122,11 @@ pub(super) fn sums_around<L: Lanes>(
         let (upper, lower) = (&strip.rows[0][k], &strip.rows[1][k]);
         let (over, under) = (&above.rows[1][k], &below.rows[0][k]);
         let mut column = 0;
-        while column < WEIGHTS.len() {
+        while column < 2 * MARGIN + 1 {
             let begin = block * HALF + column;
-            let own = cells(l, [upper, lower], begin);
-            let inner = l.add_real(cells(l, [upper, upper], begin), cells(l, [lower, lower], begin));
-            let sum = l.add_real(l.add_real(inner, own), cells(l, [over, under], begin));
-            sums[k] = l.add_real(sums[k], l.times_real(l.real(WEIGHTS[column]), sum));
+            // The own row of each cell, the row over it and the row under it.
+            let around = l.add_real(cells(l, [over, upper], begin), cells(l, [lower, under], begin));
+            sums[k] = l.add_real(sums[k], l.add_real(cells(l, [upper, lower], begin), around));
             column += 1;
         }
         k += 1;

@@ -10,7 +10,7 @@
 //! eight and more steps with two more images. With A', the phase would be twice as noisy as from the same images of a
 //! resting scene for 8 steps, and three times for 16.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix2, SMatrix, SVector};
 
 use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
 
@@ -40,9 +40,11 @@ const MIN_RESPONSE: f64 = 0.3;
 /// A complex number: real and imaginary part.
 pub(super) type Complex = [f32; 2];
 
-/// Weighted sums of the samples of a pixel: A, Re z, Im z, Re z' and Im z' of the fit without A'; Re z and Im z for the
-/// phase (of the fit with A' if that is used); the first residual of the fit without A' (0 if it has none).
+/// Weighted sums of the samples of a pixel: A, Re z, Im z, Re z' and Im z' of the fit without A'; what only A' explains
+/// (0 if A' is not determined); the first two of the [`MotionFit::residuals`].
 pub(super) const SUMS: usize = 8;
+/// Residuals among the [`SUMS`]: what z' explains.
+pub(super) const IN_SUMS: usize = 2;
 
 /// Constants of the fit of M images with known shifts.
 #[derive(Clone, Debug)]
@@ -56,11 +58,13 @@ pub struct MotionFit {
     pub(super) rough: Response,
     /// Responses of the fit that yields the phase.
     pub(super) fine: Response,
-    /// Whether A' is determined and therefore not part of the residual.
-    pub(super) has_trend: bool,
-    /// Further residuals of the fit without A'; the first one is the last of the [`SUMS`]. Each is a unit vector of
-    /// image weights.
+    /// The z of that fit is z plus these multiples of what only A' explains.
+    pub(super) trend_in_z: Complex,
+    /// See [`residuals`]: image weights of each.
     pub(super) residuals: Vec<Vec<f32>>,
+    /// Responses of A and of the residuals to z.
+    pub(super) offset_response: TurnedSum,
+    pub(super) residual_responses: Vec<TurnedSum>,
     /// Response of z' to the conjugate of z.
     pub(super) slope_ripple: TurnedSum,
     /// Tables for motions that raise the phase and for motions that lower it. They differ if the window is not a whole
@@ -71,7 +75,7 @@ pub struct MotionFit {
     pub(super) motions_rad: Vec<f32>,
     noise_gain: f32,
     /// For equalizing the brightness of the images.
-    pub(super) equalization: Option<BrightnessEqualization>,
+    pub(super) equalization: BrightnessEqualization,
     /// First and last images of the runs that may show a single surface, the longest first.
     pub(super) runs: Vec<[usize; 2]>,
 }
@@ -121,8 +125,8 @@ impl MotionFit {
     ///
     /// ```text
     /// weights = least squares without A'; phase weights = with A', if that is little noisier than a resting scene
-    /// responses H and G of both fits, and of z', to a moving sinusoid
-    /// residuals = what the unknowns without A' leave unexplained
+    /// residuals = what neither a resting sinusoid nor A' explains
+    /// responses H and G of both fits, of z' and of A and the residuals, to a moving sinusoid
     /// tables from the fitted slope Im(z'/z) to the motion, one for each direction of motion
     /// ```
     ///
@@ -148,9 +152,25 @@ impl MotionFit {
         let noise_gain =
             |weights: &[Vec<f64>; UNKNOWNS]| (0.5 * weights[1..3].iter().flatten().map(|w| w * w).sum::<f64>()).sqrt();
         let resting_gain = noise_gain(&least_squares(&basis, MIN_STEPS).ok_or_else(degenerate)?);
-        let with_trend =
-            least_squares(&basis, UNKNOWNS).filter(|weights| noise_gain(weights) <= MAX_TREND_NOISE * resting_gain);
+        let with_trend = least_squares(&basis, UNKNOWNS);
+        // Each term of the model: its value at every image.
+        let [one, re, im, re_slope, im_slope, trend]: [Vec<f64>; UNKNOWNS] =
+            std::array::from_fn(|k| basis.iter().map(|row| row[k]).collect());
+        let slopes = [re_slope, im_slope];
+        let (only_trend, backgrounds) = if with_trend.is_some() {
+            let others = [one.clone(), re.clone(), im.clone(), slopes[0].clone(), slopes[1].clone()];
+            (unexplained(images, &others, std::slice::from_ref(&trend)).swap_remove(0), vec![one, trend])
+        } else {
+            (vec![0.0; images], vec![one])
+        };
+        let residuals = residuals(images, &backgrounds, [re, im], &slopes).ok_or_else(degenerate)?;
+        let with_trend = with_trend.filter(|weights| noise_gain(weights) <= MAX_TREND_NOISE * resting_gain);
         let phase_weights = with_trend.unwrap_or_else(|| weights.clone());
+        // Both fits differ by what only A' explains.
+        let trend_in_z = [1, 2].map(|k| {
+            let parts = phase_weights[k].iter().zip(&weights[k]).zip(&only_trend);
+            parts.map(|((fine, rough), only)| (fine - rough) * only).sum::<f64>() as f32
+        });
         let noise_gain = noise_gain(&phase_weights);
         let response = |[re, im]: [&Vec<f64>; 2], sign: f64| {
             let coefficient = |i: usize| half_product([re[i], im[i]], sign * shifts_rad[i]);
@@ -161,11 +181,11 @@ impl MotionFit {
             ripple: TurnedSum::new(&response(z, -1.0), -1.0),
         };
         let (z, slope) = ([&weights[1], &weights[2]], [&weights[3], &weights[4]]);
-        let weight = |row: &Vec<f64>| row.iter().map(|&w| w as f32).collect::<Vec<f32>>();
-        let without_trend: Vec<[f64; LEAST_IMAGES]> = basis.iter().map(|row| std::array::from_fn(|k| row[k])).collect();
-        let mut unexplained = unexplained(&without_trend).into_iter();
-        let first_unexplained = unexplained.next().unwrap_or_else(|| vec![0.0; images]);
-        let sums = weights[..LEAST_IMAGES].iter().chain(&phase_weights[1..3]).chain([&first_unexplained]);
+        let of_z = |row: &Vec<f64>| {
+            let coefficients = row.iter().zip(shifts_rad).map(|(w, s)| [w * s.cos(), w * s.sin()]);
+            TurnedSum::new(&coefficients.collect::<Vec<[f64; 2]>>(), 1.0)
+        };
+        let sums = weights[..LEAST_IMAGES].iter().chain([&only_trend]).chain(&residuals[..IN_SUMS]);
         let sums: Vec<&Vec<f64>> = sums.collect();
         let motions = [1.0, -1.0].map(|sense| MotionTable::new(&response(z, 1.0), &response(slope, 1.0), sense));
         Ok(Self {
@@ -176,8 +196,10 @@ impl MotionFit {
             rough: both(z),
             fine: both([&phase_weights[1], &phase_weights[2]]),
             slope_ripple: TurnedSum::new(&response(slope, -1.0), -1.0),
-            has_trend: images >= UNKNOWNS,
-            residuals: unexplained.map(|row| weight(&row)).collect(),
+            trend_in_z,
+            offset_response: of_z(&weights[0]),
+            residual_responses: residuals.iter().map(of_z).collect(),
+            residuals: residuals.iter().map(|row| row.iter().map(|&w| w as f32).collect()).collect(),
             weights: (0..images).map(|i| std::array::from_fn(|k| sums[k][i] as f32)).collect(),
             noise_gain: noise_gain as f32,
             equalization: BrightnessEqualization::new(shifts_rad),
@@ -194,7 +216,7 @@ impl MotionFit {
 
     /// Degrees of freedom per pixel that measure how well the moving sinusoid fits.
     pub(super) fn freedom(&self) -> usize {
-        self.images() - MIN_STEPS - usize::from(self.has_trend)
+        self.residuals.len()
     }
 
     /// Phase shifts of the images, rad.
@@ -234,6 +256,39 @@ fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[V
     let values = normal.symmetric_eigenvalues();
     let inverse = normal.try_inverse().filter(|_| values.min() > MIN_EIGENVALUE_SHARE * values.max())?;
     Some(std::array::from_fn(|k| basis.iter().map(|row| (inverse * row)[k]).collect()))
+}
+
+/// Image weights of the residuals: numbers that are zero for a resting sinusoid, whatever A and A' are. Their squares add
+/// up to the squared distance of the samples from the sinusoid, with the best A and A', that has the fitted z; nearly so where
+/// the phase is fitted without A'.
+///
+/// ```text
+/// directions = orthonormal complement of A, A' and z, first those of z'
+/// a change δ of z' changes the first two by R·δ, and the samples (with the best A and A') by T·δ
+/// first two directions = √(R⁻ᵀ·TᵀT·R⁻¹) · those
+/// ```
+///
+/// `None` if z' is not determined.
+fn residuals(
+    images: usize,
+    backgrounds: &[Vec<f64>],
+    z: [Vec<f64>; 2],
+    slopes: &[Vec<f64>; 2],
+) -> Option<Vec<Vec<f64>>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let terms: Vec<Vec<f64>> = backgrounds.iter().cloned().chain(z).collect();
+    let mut residuals = unexplained(images, &terms, slopes);
+    let seen = unexplained(images, backgrounds, &[]);
+    let change = |directions: &[Vec<f64>], i: usize, j: usize| dot(&directions[i], &slopes[j]);
+    let of_residuals = Matrix2::from_fn(|i, j| change(&residuals, i, j)).try_inverse()?;
+    let of_samples = Matrix2::from_fn(|i, j| (0..seen.len()).map(|k| change(&seen, k, i) * change(&seen, k, j)).sum());
+    let root = (of_residuals.transpose() * of_samples * of_residuals).cholesky()?.l();
+    let mixed = [0, 1].map(|k| {
+        let both = residuals[0].iter().zip(&residuals[1]);
+        both.map(|(first, second)| root[(0, k)] * first + root[(1, k)] * second).collect()
+    });
+    residuals.splice(..mixed.len(), mixed);
+    Some(residuals)
 }
 
 /// `(re + i·im)·e^(i·angle)/2`.

@@ -2,8 +2,8 @@
 //! the motion. Cost: eight multiply-adds per sample, and one more for each further residual.
 //!
 //! ```text
-//! for each image i:  sums += weights[i] · grey level          A, z, z', z for the phase, first residual
-//! squares = (first residual)² + Σ (further residual)²         what no motion explains: an edge
+//! for each image i:  sums += weights[i] · grey level          A, z, z', what only A' explains, first two residuals
+//! squares = (what only A' explains)² + Σ (further residual)²  what no motion explains: an edge
 //! weight = half / (half + squares), half = (0.1·|z|)²         0 for dark pixels, 1e-3 of it for saturated ones
 //! moments = weight · (|z|², z², Im(z'·z*), z'·z)
 //! ```
@@ -15,7 +15,7 @@ use crate::phase::Validity;
 use crate::phase::sample::Sample;
 
 use super::cells::Moments;
-use super::fit::{MotionFit, SUMS};
+use super::fit::{IN_SUMS, MotionFit, SUMS};
 use super::images::Images;
 
 /// Fitted values of 32 pixels, grey levels.
@@ -30,8 +30,8 @@ pub(super) struct Fitted {
 }
 
 impl Fitted {
-    /// Fits `count` pixels of a row, from `pixel` on, and returns their moments; the others get no weight. `greys` is
-    /// scratch memory.
+    /// Fits `count` pixels of a row, from `pixel` on, and returns their moments; the others get no weight. Stores their
+    /// residuals. `greys` is scratch memory.
     #[inline(always)]
     pub(super) fn fit<L: Lanes, S: Sample>(
         &mut self,
@@ -40,13 +40,14 @@ impl Fitted {
         fit: &MotionFit,
         validity: &Validity,
         [pixel, count]: [usize; 2],
+        residuals: &mut [[f32; LANES]],
         greys: &mut [[f32; LANES]; MAX_IMAGES],
     ) -> Moments<L> {
         let l = lanes;
         let (mut sums, mut greatest) = ([l.real(0.0); SUMS], l.word(0));
         for (i, weights) in fit.weights.iter().enumerate() {
             let grey = images.greys(l, i, [pixel, count], &mut greatest);
-            if !fit.residuals.is_empty() {
+            if fit.residuals.len() > IN_SUMS {
                 l.store_reals(grey, &mut greys[i]);
             }
             let mut k = 0;
@@ -55,14 +56,18 @@ impl Fitted {
                 k += 1;
             }
         }
-        let [offset, re, im, re_slope, im_slope, phase_re, phase_im, residual] = sums;
-        // Squared residual of the fit without A'. The first residual is part of the sums: most windows have no other.
-        let mut squares = l.times_real(residual, residual);
-        for weights in &fit.residuals {
+        let [offset, re, im, re_slope, im_slope, trend, first, second] = sums;
+        let (of_slope, further) = residuals.split_at_mut(IN_SUMS);
+        l.store_reals(first, &mut of_slope[0]);
+        l.store_reals(second, &mut of_slope[1]);
+        // Squared residual of the fit without A'. Most windows have no further residuals.
+        let mut squares = l.times_real(trend, trend);
+        for (weights, further) in fit.residuals[IN_SUMS..].iter().zip(further) {
             let mut residual = l.real(0.0);
             for (grey, &weight) in greys.iter().zip(weights) {
                 residual = l.add_real(residual, l.times_real(l.load_reals(grey), l.real(weight)));
             }
+            l.store_reals(residual, further);
             squares = l.add_real(squares, l.times_real(residual, residual));
         }
         let saturated = images.saturates(l, greatest);
@@ -71,8 +76,9 @@ impl Fitted {
         let weight = l.select_real(used, weight, l.real(0.0));
         self.saturated = l.bits(l.and(saturated, used));
         l.store_reals(offset, &mut self.offset);
-        l.store_reals(phase_re, &mut self.z[0]);
-        l.store_reals(phase_im, &mut self.z[1]);
+        let [trend_in_re, trend_in_im] = fit.trend_in_z;
+        l.store_reals(l.add_real(re, l.times_real(l.real(trend_in_re), trend)), &mut self.z[0]);
+        l.store_reals(l.add_real(im, l.times_real(l.real(trend_in_im), trend)), &mut self.z[1]);
         // Weighted products.
         let (weighted_re, weighted_im) = (l.times_real(weight, re), l.times_real(weight, im));
         let (re_re, im_im) = (l.times_real(weighted_re, re), l.times_real(weighted_im, im));

@@ -1,9 +1,9 @@
 //! Wrapped phase of a scene that moves while its images are taken.
 //!
 //! In: M = N + K images in order of time, equally spaced, with their phase shifts (K at least 1). Out: the [`PhaseMap`]
-//! at the centre of the window, with its [`Motion`]. Cost per pixel: eight sums of M images instead of three of N, and
-//! thirteen operations per image for the residual; per cell of four pixels, two rounds of motion compensation. (The paper,
-//! section 2.1, takes the scene to be at rest during a sequence.)
+//! at the centre of the window, with its [`Motion`]. Cost per pixel: eight sums of M images instead of three of N, one
+//! more for each image beyond six, and six operations for each of the M − 4 residuals; per cell of four pixels, two rounds of
+//! motion compensation. (The paper, section 2.1, takes the scene to be at rest during a sequence.)
 //!
 //! ```text
 //!  images ─► equalize brightness ─► fit A, z, z' at every pixel ─► motion ε of cells of 2 × 2 pixels

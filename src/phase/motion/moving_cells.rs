@@ -1,14 +1,10 @@
 //! Cells of known motion. In: motions. Out: for each pixel what depends on the motion alone, and with it z without ripple
-//! and the residual. Cost: some forty operations per pixel, and thirteen per sample.
+//! and the residual. Cost: some forty operations per pixel, and six per residual.
 
 use fringeflow_base::limits::MAX_IMAGES;
 use fringeflow_simd::{LANES, Lanes};
 
-use crate::phase::sample::Sample;
-
 use super::fit::MotionFit;
-use super::image_times::time;
-use super::images::Images;
 use super::ripple::{Complexes, Turns, ripple_removal};
 
 /// One number per pixel of a row.
@@ -27,8 +23,8 @@ pub(super) struct MovingRow {
     is_determined: Row,
     /// Factors of [`ripple_removal`].
     removal: [Row; 4],
-    /// Cosine and sine of the moved phase shift of each image.
-    moved_shifts: [[Row; 2]; MAX_IMAGES],
+    /// Responses of A and of the residuals to z.
+    responses: [[Row; 2]; 1 + MAX_IMAGES],
 }
 
 impl MovingCells {
@@ -58,11 +54,11 @@ impl MovingCells {
             store_doubled(l, removal[k], [&mut upper.removal[k], &mut lower.removal[k]]);
             k += 1;
         }
-        for (image, &[cos, sin]) in fit.turns.iter().enumerate() {
-            let [cos, sin] = turns.moved(l, [l.real(cos), l.real(sin)], [image, fit.images()]);
-            let (upper, lower) = (&mut upper.moved_shifts[image], &mut lower.moved_shifts[image]);
-            store_doubled(l, cos, [&mut upper[0], &mut lower[0]]);
-            store_doubled(l, sin, [&mut upper[1], &mut lower[1]]);
+        let responses = std::iter::once(&fit.offset_response).chain(&fit.residual_responses);
+        for (response, (upper, lower)) in responses.zip(upper.responses.iter_mut().zip(&mut lower.responses)) {
+            let [[re, im]] = turns.sums(l, [response]);
+            store_doubled(l, re, [&mut upper[0], &mut lower[0]]);
+            store_doubled(l, im, [&mut upper[1], &mut lower[1]]);
         }
     }
 
@@ -97,40 +93,31 @@ impl MovingRow {
         ]
     }
 
-    /// Returns the offset of the samples of `count` pixels from `pixel` on, and the standard deviation of the samples
-    /// about the moving sinusoids z; both in grey levels. The parameter `offset` is an estimate of the offset.
+    /// Returns the offset of fitted pixels, and the standard deviation of their samples about moving sinusoids with these
+    /// z; both in grey levels.
     #[inline(always)]
-    pub(super) fn residual<L: Lanes, S: Sample>(
+    pub(super) fn residual<L: Lanes>(
         &self,
         lanes: L,
-        images: &Images<'_, S>,
-        fit: &MotionFit,
-        [pixel, count]: [usize; 2],
-        offset: L::Reals,
-        [re, im]: Complexes<L>,
+        (offset, residuals): (&Row, &[Row]),
+        z: Complexes<L>,
     ) -> [L::Reals; 2] {
         let l = lanes;
-        let (mut sum, mut trend, mut squares) = (l.real(0.0), l.real(0.0), l.real(0.0));
-        let mut times = 0.0;
-        for (i, [cos, sin]) in self.moved_shifts.iter().enumerate().take(fit.images()) {
-            let t = time(i, images.count) as f32;
-            let model = l.sub_real(l.times_real(re, l.load_reals(cos)), l.times_real(im, l.load_reals(sin)));
-            let grey = l.times_real(S::reals(l, &images.block(i, pixel, count)), l.real(images.grey_per_value[i]));
-            let residual = l.sub_real(l.sub_real(grey, offset), model);
-            sum = l.add_real(sum, residual);
-            trend = l.add_real(trend, l.times_real(l.real(t), residual));
+        let [of_offset, of_residuals @ ..] = &self.responses;
+        let mut squares = l.real(0.0);
+        for (residual, response) in residuals.iter().zip(of_residuals) {
+            let residual = l.sub_real(l.load_reals(residual), explained(l, response, z));
             squares = l.add_real(squares, l.times_real(residual, residual));
-            times += t * t;
         }
-        // Subtract the squares explained by a better offset and, if it is determined, by the trend A'.
-        let count = l.real(images.count as f32);
-        let per_time = l.real(if fit.has_trend { 1.0 / times } else { 0.0 });
-        let explained = l.over_real(l.times_real(sum, sum), count);
-        let left = l.sub_real(l.sub_real(squares, explained), l.times_real(l.times_real(trend, trend), per_time));
-        let left = l.max_real(left, l.real(0.0));
-        let residual = l.root_real(l.over_real(left, l.real(fit.freedom() as f32)));
-        [l.add_real(offset, l.over_real(sum, count)), residual]
+        let residual = l.root_real(l.over_real(squares, l.real(residuals.len() as f32)));
+        [l.sub_real(l.load_reals(offset), explained(l, of_offset, z)), residual]
     }
+}
+
+/// What z explains with a response.
+#[inline(always)]
+fn explained<L: Lanes>(lanes: L, [x, y]: &[Row; 2], [re, im]: Complexes<L>) -> L::Reals {
+    lanes.sub_real(lanes.times_real(re, lanes.load_reals(x)), lanes.times_real(im, lanes.load_reals(y)))
 }
 
 /// Stores the numbers of 32 cells for the pixels of their two rows.

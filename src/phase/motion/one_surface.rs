@@ -9,14 +9,15 @@
 
 use std::ops::Range;
 
-use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+use fringeflow_simd::{Kernel, LANES, Lanes, filled, first_lanes};
 
 use crate::phase::Validity;
 use crate::phase::arctangent::turn_fraction;
 use crate::phase::map::{DIM, Exposure, FitStatistics, Modulation};
 use crate::phase::sample::Sample;
 
-use super::band::{BlockFit, Planes};
+use super::band::Planes;
+use super::cells::CELL;
 use super::follow::Fits;
 use super::images::Images;
 use super::motion_histogram::{MotionHistogram, is_counted};
@@ -123,20 +124,18 @@ impl<S: Sample> Repair<'_, S> {
         let (count, blocks) = ((width - block * LANES).min(LANES), width.div_ceil(LANES));
         let begin = row * width + block * LANES;
         let used = first_lanes(count);
-        let BlockFit { residual, saturated, .. } = &self.planes.block_fits[row * blocks + block];
-        let (mut steps, mut valid) = ([0; LANES], [0; LANES]);
-        let modulation: &[u16] = bytemuck::cast_slice(&self.planes.modulation[begin..][..count]);
-        steps[..count].copy_from_slice(modulation);
-        valid[..count].copy_from_slice(bytemuck::cast_slice(&self.planes.valid[begin..][..count]));
+        let fits = &self.planes.cell_fits[row / CELL * blocks + block];
+        let steps = filled(bytemuck::cast_slice(&self.planes.modulation[begin..][..count]), 0);
+        let valid = filled(bytemuck::cast_slice(&self.planes.valid[begin..][..count]), 0);
         let modulation = l.times_real(l.reals_of_words(&steps), l.real(1.0 / Modulation::PER_GREY));
         let least = one_surface.validity.min_modulation_grey;
         let is_lit = l.bits(l.is_at_least_real(modulation, l.real(least))) & used;
         let is_dim = is_lit & !l.bits(l.is_at_least_real(modulation, l.real(DIM * least)));
         let [grey, share] = one_surface.max_residual;
         let max_residual = l.max_real(l.real(grey), l.times_real(l.real(share), modulation));
-        let fits = l.bits(l.is_at_least_real(max_residual, l.load_reals(residual)));
+        let is_fitted = l.bits(l.is_at_least_real(max_residual, fits.residual(l, row)));
         let is_valid = l.bits(l.is_greater(l.words_of_bytes(&valid), l.word(0)));
-        let again = (*saturated | (is_lit & !(fits & is_valid))) & used;
+        let again = (fits.saturated(row) | (is_lit & !(is_fitted & is_valid))) & used;
         self.scratch.repaired.valid_pixels += u64::from((is_valid & !again).count_ones());
         let exposure = &mut self.scratch.repaired.exposure;
         exposure.lit_pixels += u64::from((is_lit & !again).count_ones());
@@ -168,7 +167,7 @@ impl<S: Sample> Repair<'_, S> {
         for (p, &u) in columns.iter().enumerate() {
             let (u, v) = (u as usize, self.rows.start + row);
             let ((fit, _), followed_rad) = (fits.for_block([v, u / LANES]), fits.followed_rad([v, u / LANES]));
-            let motion_rad = self.planes.block_fits[row * blocks + u / LANES].motion_rad[u % LANES] - followed_rad;
+            let motion_rad = self.planes.cell_fits[row / CELL * blocks + u / LANES].motion_rad(u) - followed_rad;
             batch.set_motion(p, if motion_rad.is_finite() { motion_rad } else { 0.0 });
             for (image, &shift) in fit.turns.iter().enumerate() {
                 let saturated = images.is_saturated(image, v * width + u);
@@ -188,9 +187,9 @@ impl<S: Sample> Repair<'_, S> {
             let pixel = row * width + u as usize;
             let found = best.share[p] < f32::INFINITY;
             let was_valid = std::mem::replace(&mut self.planes.valid[pixel], found);
-            let block_fit = &self.planes.block_fits[row * blocks + u as usize / LANES];
+            let cell_fits = &self.planes.cell_fits[row / CELL * blocks + u as usize / LANES];
             let followed_rad = fits.followed_rad([self.rows.start + row, u as usize / LANES]);
-            let unfollowed_rad = block_fit.motion_rad[u as usize % LANES] - followed_rad;
+            let unfollowed_rad = cell_fits.motion_rad(u as usize) - followed_rad;
             if is_counted(self.rows.start + row) {
                 self.scratch.repaired.motions.change(unfollowed_rad, was_valid, found);
             }

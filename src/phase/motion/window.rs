@@ -20,9 +20,9 @@ use crate::phase::map::{FitStatistics, Harmonics, Motion, PhaseMap};
 use crate::phase::residuals::Residuals;
 use crate::phase::sample::Sample;
 
-use super::band::{Band, BandScratch, BlockFit, Planes};
+use super::band::{Band, BandScratch, CellFits, Planes};
 use super::brightness::{BrightnessSums, compensate};
-use super::cells::STRIP_ROWS;
+use super::cells::{CELL, STRIP_ROWS};
 use super::fit::MotionFit;
 use super::fits_by_motion::MotionFits;
 use super::flow::Flow;
@@ -35,13 +35,13 @@ use super::one_surface::{OneSurface, Repair, RepairScratch, Repaired};
 /// Fewest rows of a band. Each band fits four surrounding rows again that its neighbours fit too.
 const LEAST_ROWS: usize = 64;
 
-/// Scratch memory: about nine bytes per pixel and some rows per thread. With a flow, the size of the images in
+/// Scratch memory: about three bytes per pixel and some rows per thread. With a flow, the size of the images in
 /// addition.
 #[derive(Clone, Debug, Default)]
 pub struct MotionScratch {
     brightness: Vec<BrightnessSums>,
     follow: FollowScratch,
-    block_fits: Vec<BlockFit>,
+    cell_fits: Vec<CellFits>,
     bands: Vec<(BandScratch, RepairScratch)>,
     samples: Samples,
 }
@@ -100,7 +100,9 @@ fn decode_sampled<S: Sample>(
     let brightness_share = compensate(level, &mut images, fits, validity, &mut scratch.brightness);
     let images = &images;
     let rows = rows_of_band(height);
-    scratch.block_fits.resize_with(height * width.div_ceil(LANES), BlockFit::default);
+    // Whole strips.
+    let cell_rows = height.next_multiple_of(STRIP_ROWS) / CELL;
+    scratch.cell_fits.resize_with(cell_rows * width.div_ceil(LANES), CellFits::default);
     scratch.bands.resize_with(height.div_ceil(rows), Default::default);
     bands(map, scratch, rows).for_each(|(rows, planes, (scratch, _))| {
         fringeflow_simd::run(level, Band { images, fits, validity, rows, scratch, planes });
@@ -121,7 +123,7 @@ fn decode_sampled<S: Sample>(
     let [median_rad, fast_rad] = motions.median_and_fast_rad();
     let Repaired { one_surface_pixels, lost_pixels, valid_pixels, exposure, .. } = all;
     map.exposure = exposure;
-    map.harmonics = harmonics(images, fits.common(), map, &scratch.block_fits, &mut scratch.samples);
+    map.harmonics = harmonics(images, fits.common(), map, &scratch.cell_fits, &mut scratch.samples);
     map.fit = FitStatistics { valid_pixels, ..statistics };
     map.motion = Some(Motion { median_rad, fast_rad, brightness_share, one_surface_pixels, lost_pixels });
 }
@@ -147,13 +149,13 @@ fn bands<'a>(
         map.modulation.par_chunks_mut(pixels),
         map.mean.par_chunks_mut(pixels),
         map.valid.par_chunks_mut(pixels),
-        scratch.block_fits.par_chunks_mut(rows * width.div_ceil(LANES)),
+        scratch.cell_fits.par_chunks_mut(rows / CELL * width.div_ceil(LANES)),
         &mut scratch.bands,
     );
     planes.into_par_iter().enumerate().map(move |(band, planes)| {
-        let (phase, modulation, mean, valid, block_fits, scratch) = planes;
+        let (phase, modulation, mean, valid, cell_fits, scratch) = planes;
         let rows = band * rows..((band + 1) * rows).min(height);
-        (rows, Planes { phase, modulation, mean, valid, block_fits }, scratch)
+        (rows, Planes { phase, modulation, mean, valid, cell_fits }, scratch)
     })
 }
 
@@ -162,15 +164,15 @@ fn harmonics<S: Sample>(
     images: &Images<'_, S>,
     fit: &MotionFit,
     map: &PhaseMap,
-    block_fits: &[BlockFit],
+    cell_fits: &[CellFits],
     scratch: &mut Samples,
 ) -> Harmonics {
     let (shifts, blocks) = (fit.shifts_rad(), images.width.div_ceil(LANES));
     harmonics::measure(shifts, images.width * images.height, scratch, |pixel, out: &mut Samples| {
         let (row, u) = (pixel / images.width, pixel % images.width);
-        let block_fit = &block_fits[row * blocks + u / LANES];
-        let motion_rad = f64::from(block_fit.motion_rad[u % LANES]);
-        if !map.valid[pixel] || !motion_rad.is_finite() || block_fit.saturated >> (u % LANES) & 1 == 1 {
+        let fits = &cell_fits[row / CELL * blocks + u / LANES];
+        let motion_rad = f64::from(fits.motion_rad(u));
+        if !map.valid[pixel] || !motion_rad.is_finite() || fits.saturated(row) >> (u % LANES) & 1 == 1 {
             return false;
         }
         let sample = |image: usize| {

@@ -173,7 +173,6 @@ fn fit_quality<L: Lanes, S: Sample>(
     greys: &mut BlockGreys,
 ) -> FitQuality {
     let l = lanes;
-    let Some(equalization) = &fit.equalization else { return FitQuality::default() };
     // Real and imaginary parts of z, then of z'.
     let mut z = [l.real(0.0); 4];
     let mut greatest = l.word(0);
@@ -182,11 +181,11 @@ fn fit_quality<L: Lanes, S: Sample>(
         l.store_reals(grey, greys);
         z = [0, 1, 2, 3].map(|part| l.add_real(z[part], l.times_real(grey, l.real(weights[1 + part]))));
     }
-    // Squared residual of the sinusoid at the motion of the fit: the samples projected onto its complement.
+    // Squared residual of the sinusoid at the motion of the fit.
     let mut squares = l.real(0.0);
-    for row in &equalization.projector {
+    for direction in &fit.equalization.observable {
         let mut residual = l.real(0.0);
-        for (grey, &share) in greys.iter().zip(row) {
+        for (grey, &share) in greys.iter().zip(direction) {
             residual = l.add_real(residual, l.times_real(l.load_reals(grey), l.real(share as f32)));
         }
         squares = l.add_real(squares, l.times_real(residual, residual));

@@ -8,7 +8,7 @@
 //!         saturated, if a saturated sample contributes or the place lies outside the image
 //! ```
 
-use fringeflow_simd::{Kernel, LANES, Lanes};
+use fringeflow_simd::{Kernel, LANES, Lanes, store_first};
 
 use crate::phase::motion::flow::FLOW_TILE_PX;
 use crate::phase::motion::image_times::time;
@@ -77,7 +77,7 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
                     let saturated = images.saturation();
                     (0..count).filter(|&k| is_outside(k)).for_each(|k| sampled[k] = saturated);
                 }
-                to.copy_from_slice(&sampled[..count]);
+                store_first(&sampled, to);
             }
         }
     }
