@@ -33,7 +33,7 @@ fn with_pose(report: PoseReport, tracker: &Tracker, tracked: &Tracked) -> PoseRe
         position_m: pose.translation.vector.into(),
         rotation: [turn.i, turn.j, turn.k, turn.w],
         covariance: std::array::from_fn(|row| std::array::from_fn(|column| covariance.0[(row, column)])),
-        sd_m: covariance.sd_at(tracker.centre()),
+        sd_m: covariance.sd_at(&tracker.model().centre()),
         sd_rad: covariance.rotation_sd_rad(),
         ..report
     };

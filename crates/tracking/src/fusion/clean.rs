@@ -1,4 +1,4 @@
-//! Removes two kinds of surfels: those behind which clouds measured a surface, and those that clouds could have
+//! Finds two kinds of wrong surfels: those behind which clouds measured a surface, and those that clouds could have
 //! measured but did not.
 
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ const OPPORTUNITIES: u32 = 4;
 
 /// What a cloud shows about a surfel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Verdict {
+enum Verdict {
     /// Nothing: the surfel is outside the image, turned away, hidden, or at an edge.
     NotVisible,
     /// The cloud could have measured the surfel, whether it did or not.
@@ -31,30 +31,26 @@ pub(super) enum Verdict {
     Contradicted,
 }
 
-/// Counts the verdict of a cloud on each surfel, removes contradicted and unconfirmed surfels, and returns their
-/// number.
+/// Counts the verdict of a cloud on each surfel.
 ///
-/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud. `verdicts` is a
-/// buffer.
-pub(super) fn clean(
-    surfels: &mut Vec<Surfel>,
+/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud.
+pub(super) fn count_verdicts(
+    surfels: &mut [Surfel],
     map: &IndexMap,
     surface: &OrganizedSurface,
     placement: &Placement,
-    min_support: u32,
-    verdicts: &mut Vec<Verdict>,
-) -> usize {
-    let verdict = |index: usize| {
-        if surfels[index].last_cloud == placement.cloud { Verdict::Visible } else { verdict(map, surface, index) }
-    };
-    (0..surfels.len()).into_par_iter().with_min_len(1024).map(verdict).collect_into_vec(verdicts);
-    let before = surfels.len();
-    for (surfel, verdict) in surfels.iter_mut().zip(&*verdicts) {
-        surfel.seen += u32::from(*verdict != Verdict::NotVisible);
-        surfel.contradictions += u32::from(*verdict == Verdict::Contradicted);
-    }
-    surfels.retain(|surfel| !is_contradicted(surfel) && !is_unconfirmed(surfel, min_support));
-    before - surfels.len()
+) {
+    surfels.par_iter_mut().enumerate().with_min_len(1024).for_each(|(index, surfel)| {
+        let is_measured = surfel.last_cloud == placement.cloud;
+        let verdict = if is_measured { Verdict::Visible } else { verdict(map, surface, index) };
+        surfel.seen += u32::from(verdict != Verdict::NotVisible);
+        surfel.contradictions += u32::from(verdict == Verdict::Contradicted);
+    });
+}
+
+/// Whether the model is better without a surfel.
+pub(super) fn is_wrong(surfel: &Surfel, min_support: u32) -> bool {
+    is_contradicted(surfel) || is_unconfirmed(surfel, min_support)
 }
 
 fn verdict(map: &IndexMap, surface: &OrganizedSurface, index: usize) -> Verdict {

@@ -6,16 +6,12 @@
 
 use rayon::prelude::*;
 
-use fringeflow::geometry::{Camera, Pixel, Pose, Vector3};
-
-use crate::registration::OrganizedSurface;
+use fringeflow::geometry::{Camera, Pixel, Pose};
 
 use super::surfel::Surfel;
 
 /// Cells along each side of a pixel.
 const CELLS: usize = 2;
-/// Pixels that are passed over together where there is no surfel. The number changes no result.
-const BLOCK_PX: usize = 16;
 /// Largest depth difference of surfels of one surface within a pixel or two, as a share of the depth. With a larger
 /// difference, one hides the other.
 const SAME_SURFACE_SHARE: f64 = 0.01;
@@ -108,34 +104,12 @@ impl IndexMap {
         is_hidden
     }
 
-    /// Writes the visible surface in the frame of camera 1: for each pixel the surfel nearest to its centre.
-    pub(super) fn write_surface(&self, surfels: &[Surfel], cam1_from_model: &Pose, surface: &mut OrganizedSurface) {
-        surface.write_rows([self.width / CELLS, self.height / CELLS], |v, mut row| {
-            let columns = 0..self.width / CELLS;
-            let blocks = columns.clone().step_by(BLOCK_PX).filter(|&first| !self.is_empty(first, v));
-            for u in blocks.flat_map(|first| first..(first + BLOCK_PX).min(columns.end)) {
-                if let Some(index) = self.foremost(&Pixel::new(u as f64, v as f64)) {
-                    let surfel = &surfels[index];
-                    let position = (cam1_from_model * surfel.position).coords;
-                    let normal = cam1_from_model.rotation * surfel.normal;
-                    let single = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
-                    row.set(u, single(position), surfel.noise_m() as f32, single(normal));
-                }
-            }
-        });
-    }
-
-    /// Whether no surfel is near the [`BLOCK_PX`] pixels of a row from a column on.
-    fn is_empty(&self, first: usize, row: usize) -> bool {
-        let near = |from: usize, pixels: usize, length: usize| {
-            (from * CELLS).saturating_sub(CELLS / 2)..((from + pixels) * CELLS + CELLS / 2).min(length)
-        };
-        let (columns, mut rows) = (near(first, BLOCK_PX, self.width), near(row, 1, self.height));
-        rows.all(|row| self.cells[row * self.width..][columns.clone()].iter().all(|&index| index == NONE))
-    }
-
-    /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel.
-    fn foremost(&self, pixel: &Pixel) -> Option<usize> {
+    /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel of the image.
+    pub(super) fn foremost(&self, [u, v]: [u16; 2]) -> Option<usize> {
+        if usize::from(u) * CELLS >= self.width || usize::from(v) * CELLS >= self.height {
+            return None;
+        }
+        let pixel = &Pixel::new(f64::from(u), f64::from(v));
         let distance = |seen: &Projection| (seen.pixel - pixel).norm_squared();
         let mut best: Option<(usize, &Projection)> = None;
         self.visit_near(pixel, |index, seen| {

@@ -12,7 +12,7 @@ use std::borrow::Borrow;
 
 use fringeflow::cloud::CloudPoint;
 use fringeflow::correspondence::KnownDrift;
-use fringeflow::geometry::{Camera, Point3, Pose};
+use fringeflow::geometry::{Camera, Pose};
 use fringeflow::prior::{Prior, Relief, RigidMotion};
 
 use crate::registration::{
@@ -96,14 +96,6 @@ pub struct Tracked {
     pub merged: Merged,
 }
 
-/// The model as camera 1 would see it from a pose. Clouds are registered to it.
-#[derive(Clone, Debug, Default)]
-struct View {
-    /// `None` after a merge: the surface is out of date.
-    model_from_cam1: Option<Pose>,
-    surface: OrganizedSurface,
-}
-
 /// The last known pose and motion of the scanner.
 #[derive(Clone, Copy, Debug)]
 struct LastKnown {
@@ -161,12 +153,11 @@ pub struct Tracker {
     scratch: FusionScratch,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// The last view of the model.
-    view: View,
+    /// Pose at which the model was last drawn, to register clouds to it; `None` after a merge.
+    view: Option<Pose>,
     /// Number of clouds tracked since the last merge.
     unmerged: u32,
-    /// Centre of the model, and the covariance of the pose of the model.
-    centre: Point3,
+    /// Covariance of the pose of the model.
     model_covariance: PoseCovariance,
     /// `None` before the first cloud.
     last_known: Option<LastKnown>,
@@ -188,9 +179,8 @@ impl Tracker {
             normals: Normals::default(),
             scratch: FusionScratch::default(),
             relief: Relief::default(),
-            view: View::default(),
+            view: None,
             unmerged: 0,
-            centre: Point3::origin(),
             model_covariance: PoseCovariance::zero(),
             last_known: None,
             covariance: PoseCovariance::zero(),
@@ -201,12 +191,6 @@ impl Tracker {
     #[must_use]
     pub fn model(&self) -> &Model {
         &self.model
-    }
-
-    /// Centre of the model at the last merge, metres, in the frame of C1 at the first cloud.
-    #[must_use]
-    pub fn centre(&self) -> &Point3 {
-        &self.centre
     }
 
     /// Tracks the next cloud, taken at `time_ns`. Call it in the order in which the clouds were taken.
@@ -316,13 +300,15 @@ impl Tracker {
             let moved = reference.inverse() * model_from_cam1 * centre;
             (moved - centre).norm() <= VIEW_SHARE * centre.coords.norm()
         };
-        if !view.model_from_cam1.as_ref().is_some_and(is_near) {
-            model.view(camera, model_from_cam1, self.settings.min_support, scratch, &mut view.surface);
-            view.model_from_cam1 = Some(*model_from_cam1);
-        }
-        let reference = view.model_from_cam1.unwrap_or(*model_from_cam1);
+        let reference = match view.filter(is_near) {
+            Some(reference) => reference,
+            None => {
+                model.draw(camera, model_from_cam1, self.settings.min_support, scratch);
+                *view.insert(*model_from_cam1)
+            }
+        };
         let start = reference.inverse() * model_from_cam1;
-        let found = register_loosely(camera, &view.surface, sampled, &start, settings)?;
+        let found = register_loosely(camera, &model.seen_from(&reference, scratch), sampled, &start, settings)?;
         Ok((reference, found))
     }
 
@@ -360,9 +346,8 @@ impl Tracker {
     fn merge(&mut self, model_from_cam1: &Pose, covariance: PoseCovariance, excess: f64) -> Merged {
         let Self { camera, model, surface, scratch, settings, .. } = self;
         let merged = model.merge(camera, surface, model_from_cam1, covariance, excess, settings.min_support, scratch);
-        self.view.model_from_cam1 = None;
+        self.view = None;
         self.unmerged = 0;
-        self.centre = self.model.centre();
         self.model_covariance = self.model.covariance();
         merged
     }

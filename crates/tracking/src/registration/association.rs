@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use fringeflow::geometry::{Camera, Point3, Pose};
 
-use super::surface::{OrganizedSurface, SurfacePoint};
+use super::surface::{Reference, SurfacePoint};
 
 /// Minimum cosine between the normals of paired points, 45°.
 const MIN_NORMAL_COSINE: f64 = 0.7;
@@ -46,16 +46,16 @@ impl Pair {
 }
 
 /// Finds the pairs of points.
-pub(super) struct Association<'a> {
+pub(super) struct Association<'a, R> {
     /// Camera 1.
     pub(super) camera: &'a Camera,
-    pub(super) reference: &'a OrganizedSurface,
+    pub(super) reference: &'a R,
     /// Largest distance between paired points, metres.
     pub(super) reach_m: f64,
     pub(super) parametrization: Parametrization,
 }
 
-impl Association<'_> {
+impl<R: Reference> Association<'_, R> {
     /// Finds the pairs of each tile at a pose.
     pub(super) fn pairs(&self, tiles: &[Vec<SurfacePoint>], reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
         let tile_pairs =

@@ -10,7 +10,7 @@ use super::covariance::PoseCovariance;
 use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
 use super::smooth_error::gradient_covariance;
-use super::surface::{OrganizedSurface, SurfacePoint};
+use super::surface::{Reference, SurfacePoint};
 use super::thinning::SampledPoints;
 
 /// Levels from coarse to fine.
@@ -50,7 +50,7 @@ struct LevelResult {
 /// [`Lost`], with its reason.
 pub fn register(
     camera: &Camera,
-    reference: &OrganizedSurface,
+    reference: &impl Reference,
     moved: &SampledPoints,
     start: &Pose,
     settings: &RegistrationSettings,
@@ -65,7 +65,7 @@ pub fn register(
 /// [`Lost`]. [`Lost::Degenerate`] occurs only for a surface without any relief.
 pub fn register_loosely(
     camera: &Camera,
-    reference: &OrganizedSurface,
+    reference: &impl Reference,
     moved: &SampledPoints,
     start: &Pose,
     settings: &RegistrationSettings,
@@ -98,7 +98,7 @@ pub fn register_loosely(
 
 /// Iterates until the steps are small or their maximum number is reached.
 fn iterate(
-    association: &Association<'_>,
+    association: &Association<'_, impl Reference>,
     tiles: &[Vec<SurfacePoint>],
     start: Pose,
     steps: usize,

@@ -1,6 +1,6 @@
 //! Registration of two clouds of the same surface: point-to-plane ICP with projective association.
 //!
-//! In: an [`OrganizedSurface`] and [`SampledPoints`] of another one, each in the frame of camera 1 at its time, and a
+//! In: a [`Reference`] surface and [`SampledPoints`] of another one, each in the frame of camera 1 at its time, and a
 //! rough pose between them. Out: a [`Registration`] with the pose, its covariance and its quality, or [`Lost`] with a
 //! reason. Each point of one surface is projected with the pose into the image of C1 that shows the other surface, and
 //! is paired with the point at that pixel (Blais and Levine 1995, "Registering multiview range data to create 3D
@@ -26,7 +26,7 @@ pub use covariance::PoseCovariance;
 pub use icp::{register, register_loosely};
 pub use normals::Normals;
 pub use outcome::{Lost, Registration, RegistrationSettings};
-pub use surface::{OrganizedSurface, SurfacePoint};
+pub use surface::{OrganizedSurface, Reference, SurfacePoint};
 pub use thinning::SampledPoints;
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
 
-use super::surface::{OrganizedSurface, PointPlanes, SurfacePoint};
+use super::surface::{OrganizedSurface, PointPlanes, Reference, SurfacePoint};
 use super::thinning::{SampledPoints, grid_step};
 use super::window::{COUNT, MAX_DEVIATION, OFFSETS, Window};
 

@@ -5,8 +5,6 @@
 
 use std::borrow::Borrow;
 
-use rayon::prelude::*;
-
 use fringeflow::cloud::CloudPoint;
 use fringeflow::geometry::{Point3, Vector3};
 
@@ -65,11 +63,16 @@ pub struct OrganizedSurface {
     centre: Point3,
 }
 
-/// A row of a surface, to be written.
-pub(crate) struct SurfaceRow<'a> {
-    position_m: [&'a mut [f32]; 3],
-    sigma_m: &'a mut [f32],
-    normals: [&'a mut [f32]; 3],
+/// A surface that others are registered to, as camera 1 sees it.
+pub trait Reference: Sync {
+    /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
+    fn at(&self, column: isize, row: isize) -> Option<SurfacePoint>;
+}
+
+impl Reference for OrganizedSurface {
+    fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
+        self.point(self.index(column, row)?, [column as u16, row as u16])
+    }
 }
 
 impl OrganizedSurface {
@@ -110,20 +113,6 @@ impl OrganizedSurface {
         normals[0].fill(f32::NAN);
     }
 
-    /// Replaces the surface: `write` writes each row, in parallel. It gets the number of the row, and the row without
-    /// points. The surface has neither grey levels nor a centre.
-    pub(crate) fn write_rows(&mut self, size_px: [usize; 2], write: impl Fn(usize, SurfaceRow<'_>) + Sync) {
-        self.clear(size_px);
-        let width = size_px[0].max(1);
-        let rows = |plane| <[f32] as ParallelSliceMut<f32>>::par_chunks_mut(plane, width);
-        let PointPlanes { position_m: [x, y, z], sigma_m, .. } = &mut self.points;
-        let [a, b, c] = &mut self.normals;
-        let planes = (rows(x), rows(y), rows(z), rows(sigma_m), rows(a), rows(b), rows(c));
-        planes.into_par_iter().enumerate().for_each(|(row, (x, y, z, sigma_m, a, b, c))| {
-            write(row, SurfaceRow { position_m: [x, y, z], sigma_m, normals: [a, b, c] });
-        });
-    }
-
     /// Width and height of the image, pixels.
     #[must_use]
     pub fn size_px(&self) -> [usize; 2] {
@@ -159,12 +148,6 @@ impl OrganizedSurface {
         (!depth_m.is_nan()).then_some(depth_m)
     }
 
-    /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
-    #[must_use]
-    pub fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
-        self.point(self.index(column, row)?, [column as u16, row as u16])
-    }
-
     fn index(&self, column: isize, row: isize) -> Option<usize> {
         let [width, height] = self.points.size_px;
         let (column, row) = (usize::try_from(column).ok()?, usize::try_from(row).ok()?);
@@ -188,15 +171,5 @@ impl OrganizedSurface {
     #[must_use]
     pub fn centre(&self) -> Point3 {
         self.centre
-    }
-}
-
-impl SurfaceRow<'_> {
-    /// Sets the point of a column: position and standard deviation in metres, and its unit normal.
-    pub(crate) fn set(&mut self, column: usize, position_m: [f32; 3], sigma_m: f32, normal: [f32; 3]) {
-        let Self { position_m: [x, y, z], sigma_m: sigmas_m, normals: [a, b, c] } = self;
-        [x[column], y[column], z[column]] = position_m;
-        [a[column], b[column], c[column]] = normal;
-        sigmas_m[column] = sigma_m;
     }
 }

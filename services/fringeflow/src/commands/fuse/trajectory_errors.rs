@@ -30,5 +30,6 @@ pub(super) fn against_truth(
     let (tracked, truth): (Vec<StatedPose>, Vec<Pose>) = scan.windows.iter().filter_map(pair).unzip();
     // Errors are relative to the first cloud, whose frame is that of the model. So its true pose must be known.
     let is_first_known = scan.windows.iter().find(|w| w.merged().is_some()).is_some_and(|first| pair(first).is_some());
-    Ok(if is_first_known { against_trajectory(&tracked, &truth, &cam1_from_exact, tracker.centre()) } else { None })
+    let centre = tracker.model().centre();
+    Ok(if is_first_known { against_trajectory(&tracked, &truth, &cam1_from_exact, &centre) } else { None })
 }
