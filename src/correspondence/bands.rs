@@ -1,4 +1,5 @@
-//! Bands of rows: the unit of parallel work. Each band keeps its scratch memory from image to image.
+//! Bands of rows: the unit of parallel work. Each band keeps its scratch memory from image to image. Threads take one band
+//! at a time (`with_max_len(1)`), so that none waits long for the last.
 
 /// Rows of a band.
 pub(super) const BAND_ROWS: usize = 32;

@@ -81,7 +81,7 @@ impl<S: Default + Clone + Send> Runs<S> {
     ) {
         let Self { all, row_begins, bands, .. } = self;
         bands::resize(bands, height);
-        bands.par_iter_mut().zip(out).enumerate().for_each(|(i, (band, mut out))| {
+        bands.par_iter_mut().zip(out).enumerate().with_max_len(1).for_each(|(i, (band, mut out))| {
             band.runs.clear();
             band.counts.clear();
             for v in rows_of_band(i, height) {
@@ -108,7 +108,7 @@ impl<S: Default + Clone + Send> Runs<S> {
     ) -> usize {
         let Self { all, row_begins, bands, sets } = self;
         let (runs, begins) = (&*all, &*row_begins);
-        bands.par_iter_mut().enumerate().for_each(|(i, band)| {
+        bands.par_iter_mut().enumerate().with_max_len(1).for_each(|(i, band)| {
             band.unions.clear();
             for v in rows_of_band(i, begins.len() - 1).filter(|&v| v > 0) {
                 let (above, below) = (begins[v - 1]..begins[v], begins[v]..begins[v + 1]);

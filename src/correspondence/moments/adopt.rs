@@ -72,7 +72,7 @@ impl Adoption {
         bands::resize(asked, height);
         let is_open = |pixels: &Pixels<'_>, pixel: usize| pixels.state[pixel] == OPEN && view.cam1.valid[pixel];
         let before = &*pixels;
-        asked.par_iter_mut().enumerate().for_each(|(i, asked)| {
+        asked.par_iter_mut().enumerate().with_max_len(1).for_each(|(i, asked)| {
             let own = i * band_px..((i + 1) * band_px).min(width * height);
             asked.clear();
             asked.extend(own.filter(|&pixel| is_open(before, pixel)).map(|pixel| pixel as u32));
@@ -85,7 +85,7 @@ impl Adoption {
             let before = &*pixels;
             let least_reach = if round < RIM_ROUNDS { view.model.rim_rad / radians(1.0) } else { 0.0 };
             let of_bands = bands.par_iter_mut().zip(&mut *asked).zip(refused.par_chunks_mut(band_px));
-            of_bands.enumerate().for_each(|(i, ((adopted, asked), refused))| {
+            of_bands.enumerate().with_max_len(1).for_each(|(i, ((adopted, asked), refused))| {
                 adopted.clear();
                 asked.sort_unstable();
                 asked.dedup();

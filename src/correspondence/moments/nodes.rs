@@ -172,7 +172,7 @@ impl Nodes {
         let rows = height.div_ceil(tile_px);
         bands.resize(bands.len().max(rows), Band::default());
         let bands = &mut bands[..rows];
-        bands.par_iter_mut().enumerate().for_each(|(i, band)| {
+        bands.par_iter_mut().enumerate().with_max_len(1).for_each(|(i, band)| {
             band.divide(width, tile_px, i * tile_px..((i + 1) * tile_px).min(height), runs, bases, states);
         });
         nodes.clear();
