@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use fringeflow_simd::{Kernel, Lanes, Level};
+use fringeflow_simd::{Kernel, Lanes, Level, store_first};
 
 use crate::phase::PhaseMap;
 
@@ -157,7 +157,7 @@ impl Kernel for RowKernel<'_> {
                 *rows = sources.places(&patch_columns, row);
             }
             block.resample(image);
-            out.copy_from_slice(&block.phase[..out.len()]);
+            store_first(&block.phase, out);
         }
     }
 }

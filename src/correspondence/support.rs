@@ -19,7 +19,7 @@ use std::iter::zip;
 
 use rayon::prelude::*;
 
-use fringeflow_simd::{Kernel, LANES, Lanes, Level};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level, store_first};
 
 use crate::phase::PhaseMap;
 
@@ -134,7 +134,7 @@ impl Kernel for SupportOfRow<'_> {
                     & (same[u] >= rule.min_votes)
                     & (2 * same[u] >= total[u]);
             }
-            is_supported.copy_from_slice(&supported[..is_supported.len()]);
+            store_first(&supported, is_supported);
         }
     }
 }

@@ -80,80 +80,79 @@ pub(super) fn look(
         owner.par_chunks_mut(rows_px),
         rest.par_chunks_mut(rows_px),
     );
-    planes.into_par_iter().enumerate().with_max_len(1).for_each(
-        |(i, (column_px, order, delta, slope, state, owner, rest))| {
-            let of_row = nodes.of_tile_row(i);
-            if parts[of_row.clone()].iter().all(|part| *part == NONE) {
-                return;
-            }
-            let mut scratch = pool.take();
-            let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, reach, wanted } =
-                &mut *scratch;
-            let first = i * nodes.tile_px;
-            let rows = column_px.len() / width;
-            orders.clear();
-            orders.resize(rows * padded, NO_ORDER);
-            of_pixels.resize(rows * padded, 0.0);
-            part_of.resize(rows * padded, NONE);
-            for n in of_row.filter(|&n| parts[n] != NONE) {
-                let node = &nodes.nodes[n];
-                for piece in nodes.pieces_of(node) {
-                    let v = piece.v as usize;
-                    for u in piece.columns() {
-                        let (at, pixel) = ((v - first) * padded + u, v * width + u);
-                        if state[pixel - first * width] != OPEN {
-                            continue;
-                        }
-                        orders[at] = node.order(piece.offset + i32::from(runs.relative[pixel])) as i16;
-                        (of_pixels[at], part_of[at]) = (offsets[n], parts[n]);
+    let rows_of_planes = planes.into_par_iter().enumerate().with_max_len(1);
+    rows_of_planes.for_each(|(i, (column_px, order, delta, slope, state, owner, rest))| {
+        let of_row = nodes.of_tile_row(i);
+        if parts[of_row.clone()].iter().all(|part| *part == NONE) {
+            return;
+        }
+        let mut scratch = pool.take();
+        let TileRow { segments, field: along, orders, offsets: of_pixels, parts: part_of, reach, wanted } =
+            &mut *scratch;
+        let first = i * nodes.tile_px;
+        let rows = column_px.len() / width;
+        orders.clear();
+        orders.resize(rows * padded, NO_ORDER);
+        of_pixels.resize(rows * padded, 0.0);
+        part_of.resize(rows * padded, NONE);
+        for n in of_row.filter(|&n| parts[n] != NONE) {
+            let node = &nodes.nodes[n];
+            for piece in nodes.pieces_of(node) {
+                let v = piece.v as usize;
+                for u in piece.columns() {
+                    let (at, pixel) = ((v - first) * padded + u, v * width + u);
+                    if state[pixel - first * width] != OPEN {
+                        continue;
                     }
+                    orders[at] = node.order(piece.offset + i32::from(runs.relative[pixel])) as i16;
+                    (of_pixels[at], part_of[at]) = (offsets[n], parts[n]);
                 }
             }
-            reach.resize(padded, 0.0);
-            for row in 0..rows {
-                let orders = &orders[row * padded..][..padded];
-                wanted.reset(width);
-                for (block, orders) in orders[..width].chunks(LANES).enumerate() {
-                    if orders.iter().fold(false, |any, order| any | (*order != NO_ORDER)) {
-                        wanted.want(block * LANES..(block * LANES + orders.len()));
-                    }
+        }
+        reach.resize(padded, 0.0);
+        for row in 0..rows {
+            let orders = &orders[row * padded..][..padded];
+            wanted.reset(width);
+            for (block, orders) in orders[..width].chunks(LANES).enumerate() {
+                if orders.iter().fold(false, |any, order| any | (*order != NO_ORDER)) {
+                    wanted.want(block * LANES..(block * LANES + orders.len()));
                 }
-                if !wanted.any() {
-                    continue;
-                }
-                let v = first + row;
-                view.table.row_where(v, wanted, segments);
-                field.along_row_where(v, width, wanted, along);
-                let own = v * width..(v + 1) * width;
-                for (reach, modulation) in reach.iter_mut().zip(&view.cam1.modulation[own.clone()]) {
-                    *reach = reach_turns(view.model, noise, *modulation);
-                }
-                let looks = Looks {
-                    model: view.model,
-                    image: view.cam2,
-                    segments,
-                    field: along,
-                    phase: &view.cam1.phase[own],
-                    orders,
-                    offsets: &of_pixels[row * padded..][..padded],
-                    reach,
-                    at_rims: false,
-                };
-                let here = row * width..(row + 1) * width;
-                let mut planes = RowOfPlanes {
-                    column_px: &mut column_px[here.clone()],
-                    order: &mut order[here.clone()],
-                    delta: &mut delta[here.clone()],
-                    slope: &mut slope[here.clone()],
-                    state: &mut state[here.clone()],
-                    owner: &mut owner[here.clone()],
-                    rest: &mut rest[here],
-                };
-                let part_of = &part_of[row * padded..];
-                looks.for_each_block(|first, seen| planes.write(first, seen, &orders[first..], &part_of[first..]));
             }
-        },
-    );
+            if !wanted.any() {
+                continue;
+            }
+            let v = first + row;
+            view.table.row_where(v, wanted, segments);
+            field.along_row_where(v, width, wanted, along);
+            let own = v * width..(v + 1) * width;
+            for (reach, modulation) in reach.iter_mut().zip(&view.cam1.modulation[own.clone()]) {
+                *reach = reach_turns(view.model, noise, *modulation);
+            }
+            let looks = Looks {
+                model: view.model,
+                image: view.cam2,
+                segments,
+                field: along,
+                phase: &view.cam1.phase[own],
+                orders,
+                offsets: &of_pixels[row * padded..][..padded],
+                reach,
+                at_rims: false,
+            };
+            let here = row * width..(row + 1) * width;
+            let mut planes = RowOfPlanes {
+                column_px: &mut column_px[here.clone()],
+                order: &mut order[here.clone()],
+                delta: &mut delta[here.clone()],
+                slope: &mut slope[here.clone()],
+                state: &mut state[here.clone()],
+                owner: &mut owner[here.clone()],
+                rest: &mut rest[here],
+            };
+            let part_of = &part_of[row * padded..];
+            looks.for_each_block(|first, seen| planes.write(first, seen, &orders[first..], &part_of[first..]));
+        }
+    });
 }
 
 /// A row of the planes of decisions.

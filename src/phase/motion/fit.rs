@@ -259,8 +259,8 @@ fn least_squares(basis: &[SVector<f64, UNKNOWNS>], unknowns: usize) -> Option<[V
 }
 
 /// Image weights of the residuals: numbers that are zero for a resting sinusoid, whatever A and A' are. Their squares add
-/// up to the squared distance of the samples from the sinusoid, with the best A and A', that has the fitted z; nearly so where
-/// the phase is fitted without A'.
+/// up to the squared distance of the samples from the sinusoid, with the best A and A', that has the fitted z; nearly so
+/// where the phase is fitted without A'.
 ///
 /// ```text
 /// directions = orthonormal complement of A, A' and z, first those of z'

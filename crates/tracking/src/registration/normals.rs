@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled, store_first};
 
 use super::surface::{OrganizedSurface, PointPlanes, Reference, SurfacePoint};
 use super::thinning::{SampledPoints, grid_step};
@@ -230,13 +230,9 @@ fn load<L: Lanes>(l: L, plane: &[f32], index: usize) -> L::Reals {
 /// Stores the first lanes, as many as there is room for.
 #[inline(always)]
 fn store<L: Lanes>(l: L, a: L::Reals, to: &mut [f32]) {
-    if let Some(all) = to.first_chunk_mut() {
-        l.store_reals(a, all);
-    } else {
-        let mut all = [0.0; LANES];
-        l.store_reals(a, &mut all);
-        to.copy_from_slice(&all[..to.len()]);
-    }
+    let mut all = [0.0; LANES];
+    l.store_reals(a, &mut all);
+    store_first(&all, to);
 }
 
 /// Number of samples, sums of x, y, w, and sums of xx, xy, yy, xw, yw.
