@@ -69,7 +69,7 @@ fn health_distinguishes_a_nonlinear_projector_from_overexposure() {
     let nonlinear =
         Bench::with_changes(&[("noise = \"low\"", "noise = \"low\"\ngamma = 1.4"), ("enabled = false", monitor)]);
     let overexposed =
-        Bench::with_changes(&[("noise = \"low\"", "noise = \"low\"\nexposure = 1.6"), ("enabled = false", monitor)]);
+        Bench::with_changes(&[("noise = \"low\"", "noise = \"low\"\nexposure = 2.0"), ("enabled = false", monitor)]);
     for (bench, bad, ok) in [(&nonlinear, "harmonics_cam", "saturated_cam"), (&overexposed, "saturated_cam", "dim_cam")]
     {
         let live = bench.start(&[]);
