@@ -117,7 +117,7 @@ fn a_sweep_is_tracked_and_its_model_lies_on_the_true_surface() {
     assert!(closure.drift_m < 1.5e-5, "{closure:?}");
 
     let surface = TrueSurface::new(scanner, truth[0], cam1_from_exact.inverse());
-    let model: Vec<Point3> = tracker.model().supported(3).map(|surfel| surfel.position).collect();
+    let model: Vec<Point3> = tracker.model().supported(3).map(|surfel| surfel.position()).collect();
     let single: Vec<Point3> = clouds[0].points.iter().map(|p| Point3::from(p.position_m.map(f64::from))).collect();
     let ((model_mm, model_outliers), (single_mm, single_outliers)) = (surface.scores(&model), surface.scores(&single));
     assert!(model_mm < 1.5 * single_mm, "rms of the model {model_mm} mm, of its first cloud {single_mm} mm");

@@ -25,14 +25,14 @@ impl Relief {
     pub fn from_points(size_px: [usize; 2], points: impl Iterator<Item = ([u16; 2], f32)>) -> Self {
         let [columns, rows] = Self::cell_counts(size_px);
         let mut sums = vec![(0.0, 0u32); columns * rows];
-        for ([u, v], depth_m) in points {
+        points.for_each(|([u, v], depth_m)| {
             let [u, v] = [u, v].map(usize::from);
             let is_seen = u < size_px[0] && v < size_px[1] && depth_m > 0.0;
             if let Some((sum, count)) = sums.get_mut(v / CELL_PX * columns + u / CELL_PX).filter(|_| is_seen) {
                 *sum += 1.0 / f64::from(depth_m);
                 *count += 1;
             }
-        }
+        });
         let cell = |(sum, count): (f64, u32)| (sum / f64::from(count.max(1)) / UNIT_PER_M).round() as u16;
         Self { size_px, cells: sums.into_iter().map(cell).collect() }
     }

@@ -45,12 +45,14 @@ mod arrays;
 mod avx512;
 mod dispatch;
 mod level;
+mod prefetch;
 
 pub use arrays::Arrays;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::Avx512;
 pub use dispatch::{Kernel, run};
 pub use level::Level;
+pub use prefetch::prefetch;
 
 /// Pixels that a kernel processes together.
 pub const LANES: usize = 32;

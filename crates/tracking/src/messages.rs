@@ -68,7 +68,7 @@ pub fn model_message(tracker: &Tracker, shown: &Thinned<'_>, last: &PoseReport, 
 
 fn point(surfel: &Surfel) -> [u8; MODEL_POINT_BYTES] {
     let mut point = [0; MODEL_POINT_BYTES];
-    let [x, y, z]: [f64; 3] = surfel.position.coords.into();
+    let [x, y, z]: [f64; 3] = surfel.position().coords.into();
     for (bytes, value) in point.chunks_exact_mut(4).zip([x, y, z, surfel.sigma_m()]) {
         bytes.copy_from_slice(&(value as f32).to_le_bytes());
     }

@@ -5,13 +5,13 @@ use rayon::prelude::*;
 
 use crate::registration::OrganizedSurface;
 
-use super::index_map::{IndexMap, Projection};
+use super::index_map::{IndexMap, Projection, rounded};
 use super::merge::Placement;
 use super::surfel::Surfel;
 
 /// A surface this far behind a surfel contradicts it: a share of the depth, 1 mm at 0.3 m. This is well above noise, so
 /// only false points and removed objects are affected.
-const BEHIND_SHARE: f64 = 0.0033;
+const BEHIND_SHARE: f32 = 0.0033;
 /// Minimum number of measured pixels around a surfel for a contradiction. All of them must lie behind it, because at
 /// edges some always do.
 const MIN_BEHIND: usize = 5;
@@ -62,12 +62,12 @@ fn verdict(map: &IndexMap, surface: &OrganizedSurface, index: usize) -> Verdict 
 
 /// Returns the verdict of the 3 × 3 pixels around a surfel.
 fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
-    let [u, v] = [seen.pixel.x.round() as isize, seen.pixel.y.round() as isize];
+    let [u, v] = [rounded(seen.pixel[0]), rounded(seen.pixel[1])];
     let around = (v - 1..=v + 1).flat_map(|row| (u - 1..=u + 1).map(move |column| (column, row)));
     let margin_m = BEHIND_SHARE * seen.depth_m;
     let (mut behind, mut in_front, mut at_surfel) = (0, 0, 0);
     for depth_m in around.filter_map(|(column, row)| surface.depth_at(column, row)) {
-        let off_m = f64::from(depth_m) - seen.depth_m;
+        let off_m = depth_m - seen.depth_m;
         if off_m > margin_m {
             behind += 1;
         } else if off_m < -margin_m {
@@ -86,7 +86,8 @@ fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict
     }
 }
 
-fn is_contradicted(surfel: &Surfel) -> bool {
+/// Whether so many clouds measured a surface behind it that it is not real.
+pub(super) fn is_contradicted(surfel: &Surfel) -> bool {
     surfel.contradictions >= MIN_CONTRADICTIONS && 3 * surfel.contradictions > surfel.support
 }
 

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use fringeflow::geometry::{Pixel, Point3, Pose, Vector3};
+use fringeflow::geometry::{Point3, Pose, Vector3};
+use fringeflow_simd::prefetch;
 
 use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 
@@ -10,7 +11,7 @@ use super::index_map::IndexMap;
 use super::surfel::{Measurement, Surfel};
 
 /// Largest distance in the image between a surfel and a point of the same piece of surface, pixels.
-const SAME_PLACE_PX: f64 = 0.75;
+const SAME_PLACE_PX: f32 = 0.75;
 /// Minimum cosine between the normals of a surfel and a point assigned to it, 60°.
 const MIN_NORMAL_COSINE: f64 = 0.5;
 /// Largest distance of a point from the plane of its surfel, in standard deviations and in pixels; the larger applies.
@@ -62,26 +63,27 @@ impl Placement {
     }
 
     /// Returns the surfel of a measurement at a pixel: of those whose plane it fits, the nearest in the image.
-    fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: &Pixel, m: &Placed) -> Option<usize> {
+    fn owner(&self, surfels: &[Surfel], map: &IndexMap, pixel: [f32; 2], m: &Placed) -> Option<usize> {
         let width_m = self.pixel_per_m * (m.position - self.model_from_cam1.translation.vector).coords.norm();
         let fits = |surfel: &Surfel| {
             let sd_m = (m.sigma_m * m.sigma_m + surfel.noise_m().powi(2)).sqrt() * self.excess;
-            let distance_m = (m.position - surfel.position).dot(&surfel.normal).abs();
+            let distance_m = (m.position - surfel.position()).dot(&surfel.normal()).abs();
             let reach_m = (SAME_PLANE_SD * sd_m).max(SAME_PLANE_PX * width_m);
-            surfel.normal.dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m
+            surfel.normal().dot(&m.normal) >= MIN_NORMAL_COSINE && distance_m <= reach_m
         };
-        let mut nearest: Option<(usize, f64)> = None;
+        let (mut nearest, mut nearest_px2) = (None, SAME_PLACE_PX * SAME_PLACE_PX);
         map.visit_near(pixel, |index, seen| {
-            let off_px = (seen.pixel - pixel).norm();
-            let is_nearest = nearest.is_none_or(|(_, nearest_px)| off_px < nearest_px);
-            if off_px <= SAME_PLACE_PX && is_nearest && fits(&surfels[index]) {
-                nearest = Some((index, off_px));
+            let off_px2 = seen.square_distance(pixel);
+            if off_px2 < nearest_px2 && fits(&surfels[index]) {
+                (nearest, nearest_px2) = (Some(index), off_px2);
             }
         });
-        nearest.map(|(index, _)| index)
+        nearest
     }
 }
 
+/// Surfels of the pixel this many columns ahead are loaded into the cache.
+const AHEAD: usize = 12;
 /// A point without a surfel, or without a normal.
 const NONE: u32 = u32::MAX;
 
@@ -101,16 +103,20 @@ pub(super) fn merge(
     owners.par_chunks_mut(width.max(1)).enumerate().for_each(|(row, owners)| {
         for point in surface.row(row) {
             let [u, v] = point.cam1_px;
-            let pixel = Pixel::new(f64::from(u), f64::from(v));
-            let owner = placement.place(&point).and_then(|m| placement.owner(surfels, map, &pixel, &m));
+            map.prefetch_at([usize::from(u) + AHEAD, row], surfels);
+            let pixel = [f32::from(u), f32::from(v)];
+            let owner = placement.place(&point).and_then(|m| placement.owner(surfels, map, pixel, &m));
             owners[usize::from(u)] = owner.map_or(NONE, |index| index as u32);
         }
     });
     let before = surfels.len();
     for row in 0..height {
         for point in surface.row(row) {
+            let pixel = row * width + usize::from(point.cam1_px[0]);
+            let next = owners.get(pixel + AHEAD).copied().unwrap_or(NONE);
+            prefetch(surfels, next as usize);
             let Some(measurement) = placement.measurement(&point) else { continue };
-            match owners[row * width + usize::from(point.cam1_px[0])] {
+            match owners[pixel] {
                 NONE => surfels.push(Surfel::new(&measurement)),
                 index => surfels[index as usize].add(&measurement),
             }

@@ -43,8 +43,8 @@ pub fn write_model(
 }
 
 fn write(out: &mut impl Write, surfel: &Surfel, per_metre: f64) -> io::Result<()> {
-    let position = surfel.position.coords * per_metre;
-    for value in position.iter().chain(surfel.normal.iter()) {
+    let position = surfel.position().coords * per_metre;
+    for value in position.iter().chain(surfel.normal().iter()) {
         out.write_all(&(*value as f32).to_le_bytes())?;
     }
     out.write_all(&[surfel.intensity.round() as u8])?;

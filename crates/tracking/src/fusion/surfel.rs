@@ -2,6 +2,8 @@
 
 use fringeflow::geometry::{Point3, Vector3};
 
+use super::clean::is_contradicted;
+
 /// A measurement to merge into a surfel, in the frame of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
@@ -16,15 +18,19 @@ pub(super) struct Measurement {
     pub(super) cloud: u32,
 }
 
-/// A piece of surface in the frame of the model, metres.
+/// A piece of surface in the frame of the model. It fills one line of the cache: a model has up to millions, and a merge
+/// visits them all.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct Surfel {
-    /// Mean of its measurements, weighted by their noise.
-    pub position: Point3,
-    /// Mean normal of length 1, pointing away from the object.
-    pub normal: Vector3,
+    position_m: [f32; 3],
+    normal: [f32; 3],
     /// Sum of the weights `1/σ²`, 1/m².
-    pub weight: f64,
+    pub(super) weight: f32,
+    /// `Σ w r²`, where r are the distances of the measurements along the normal from their mean.
+    scatter: f32,
+    /// Mean variance along the normal caused by the poses of its clouds, m².
+    pose_variance: f32,
     /// Mean grey level.
     pub intensity: f32,
     /// Number of clouds that measured it.
@@ -38,18 +44,16 @@ pub struct Surfel {
     /// Index of the cloud that last measured it.
     pub(super) last_cloud: u32,
     measurements: u32,
-    /// `Σ w r²`, where r are the distances of the measurements along the normal from their mean.
-    scatter: f64,
-    /// Mean variance along the normal caused by the poses of its clouds, m².
-    pose_variance: f64,
 }
 
 impl Surfel {
     pub(super) fn new(m: &Measurement) -> Self {
         Self {
-            position: m.position,
-            normal: m.normal,
-            weight: weight(m),
+            position_m: single(&m.position.coords),
+            normal: single(&m.normal),
+            weight: weight(m) as f32,
+            scatter: 0.0,
+            pose_variance: m.pose_variance as f32,
             intensity: f32::from(m.intensity),
             support: 1,
             seen: 0,
@@ -57,25 +61,36 @@ impl Surfel {
             first_cloud: m.cloud,
             last_cloud: m.cloud,
             measurements: 1,
-            scatter: 0.0,
-            pose_variance: m.pose_variance,
         }
+    }
+
+    /// Mean position of its measurements, weighted by their noise, metres.
+    #[must_use]
+    pub fn position(&self) -> Point3 {
+        Point3::from(double(&self.position_m))
+    }
+
+    /// Mean normal of length 1, pointing away from the object.
+    #[must_use]
+    pub fn normal(&self) -> Vector3 {
+        double(&self.normal)
     }
 
     /// Adds a measurement to the running means (West 1979, "Updating mean and variance estimates").
     pub(super) fn add(&mut self, m: &Measurement) {
+        let (old_position, old_normal, old_weight) = (self.position(), self.normal(), f64::from(self.weight));
         let new_weight = weight(m);
-        let total = self.weight + new_weight;
+        let total = old_weight + new_weight;
         let share = new_weight / total;
-        let off = m.position - self.position;
-        let distance = off.dot(&self.normal);
-        self.scatter += self.weight * share * distance * distance;
-        self.position += off * share;
-        let normal = self.normal + (m.normal - self.normal) * share;
-        self.normal = normal.try_normalize(0.0).unwrap_or(self.normal);
+        let off = m.position - old_position;
+        let distance = off.dot(&old_normal);
+        self.scatter += (old_weight * share * distance * distance) as f32;
+        self.position_m = single(&(old_position + off * share).coords);
+        let normal = old_normal + (m.normal - old_normal) * share;
+        self.normal = single(&normal.try_normalize(0.0).unwrap_or(old_normal));
         self.intensity += (f32::from(m.intensity) - self.intensity) * share as f32;
-        self.pose_variance += (m.pose_variance - self.pose_variance) * share;
-        self.weight = total;
+        self.pose_variance += (m.pose_variance as f32 - self.pose_variance) * share as f32;
+        self.weight = total as f32;
         self.measurements += 1;
         if self.last_cloud != m.cloud {
             self.support += 1;
@@ -83,24 +98,33 @@ impl Surfel {
         }
     }
 
-    /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer.
+    /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer, and it
+    /// is not contradicted.
     #[must_use]
     pub fn is_supported(&self, min_support: u32) -> bool {
-        self.support >= min_support.min(self.seen)
+        self.support >= min_support.min(self.seen) && !is_contradicted(self)
     }
 
     /// Standard deviation of its position, metres. It contains the noise of the mean, enlarged if the measurements
     /// scatter more, and the error of the poses of the clouds, which does not shrink with more measurements.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
-        let excess = self.scatter / f64::from(self.measurements.saturating_sub(1).max(1));
-        (excess.max(1.0) / self.weight + self.pose_variance).sqrt()
+        let excess = f64::from(self.scatter) / f64::from(self.measurements.saturating_sub(1).max(1));
+        (excess.max(1.0) / f64::from(self.weight) + f64::from(self.pose_variance)).sqrt()
     }
 
     /// Standard deviation of its position by noise alone, metres.
     pub(super) fn noise_m(&self) -> f64 {
-        (1.0 / self.weight).sqrt()
+        (1.0 / f64::from(self.weight)).sqrt()
     }
+}
+
+fn single(v: &Vector3) -> [f32; 3] {
+    [v.x as f32, v.y as f32, v.z as f32]
+}
+
+fn double(&[x, y, z]: &[f32; 3]) -> Vector3 {
+    Vector3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
 /// Smallest standard deviation of a measurement, metres: the resolution of single precision at arm's length.
@@ -141,7 +165,7 @@ mod tests {
         for cloud in 1..16 {
             surfel.add(&measured(if cloud % 2 == 0 { 0.3 } else { 0.31 }, cloud));
         }
-        assert!((surfel.position.z - 0.305).abs() < 1e-12);
+        assert!((surfel.position().z - 0.305).abs() < 1e-7);
         // Deviations of 5 mm to either side, 16 measurements.
         assert!((surfel.sigma_m() - 5e-3 / 15.0_f64.sqrt()).abs() < 1e-6, "{}", surfel.sigma_m());
     }
@@ -153,7 +177,7 @@ mod tests {
         for cloud in 1..1000 {
             surfel.add(&posed(cloud));
         }
-        assert!((surfel.sigma_m() - (1e-6 / 1000.0 + 1e-8_f64).sqrt()).abs() < 1e-12);
+        assert!((surfel.sigma_m() - (1e-6 / 1000.0 + 1e-8_f64).sqrt()).abs() < 1e-9);
         let support = surfel.support;
         surfel.add(&posed(999));
         assert_eq!(surfel.support, support, "a cloud counts once");

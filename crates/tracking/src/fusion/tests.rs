@@ -64,13 +64,13 @@ fn a_scanner_is_tracked_and_its_model_is_better_than_a_cloud() {
         let squares: Vec<f64> = off.map(|x| x * x).collect();
         (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
     };
-    let of_model = rms(&mut surfels.iter().map(|s| distance_to_hills_m(&s.position)));
+    let of_model = rms(&mut surfels.iter().map(|s| distance_to_hills_m(&s.position())));
     let single = cloud(&Pose::identity(), 0);
     let of_cloud =
         rms(&mut single.points.iter().map(|p| distance_to_hills_m(&Point3::from(p.position_m.map(f64::from)))));
     assert!(of_model < 0.5 * of_cloud, "model {of_model:e} m, cloud {of_cloud:e} m");
     // The error of each surfel matches its standard deviation.
-    let normalized = rms(&mut surfels.iter().map(|s| distance_to_hills_m(&s.position) / s.sigma_m()));
+    let normalized = rms(&mut surfels.iter().map(|s| distance_to_hills_m(&s.position()) / s.sigma_m()));
     assert!((0.5..2.0).contains(&normalized), "surfels are off by {normalized} of their standard deviations");
     // There are as many surfels as points in the first cloud, and a few that came into view.
     let per_point = surfels.len() as f64 / single.points.len() as f64;
@@ -138,7 +138,7 @@ fn contradicted_and_unconfirmed_surfels_are_removed() {
     };
     let on_plate = |tracker: &Tracker| {
         let surfels = tracker.model().surfels();
-        surfels.iter().filter(|s| distance_to_hills_m(&s.position) > 5e-3).count()
+        surfels.iter().filter(|s| distance_to_hills_m(&s.position()) > 5e-3).count()
     };
     let mut tracker = Tracker::new(camera(), FusionSettings::default());
     for seed in 0..4 {
@@ -168,7 +168,7 @@ fn the_file_holds_the_supported_surfels() {
     );
     assert_eq!(bytes.len() - end, count * 31);
     let first = tracker.model().supported(3).next().unwrap();
-    assert_eq!(bytes[end..end + 4], ((first.position.x * 1e3) as f32).to_le_bytes());
+    assert_eq!(bytes[end..end + 4], ((first.position().x * 1e3) as f32).to_le_bytes());
     assert_eq!(bytes[end + 24], 100);
     assert_eq!(bytes[end + 25..end + 29], ((first.sigma_m() * 1e3) as f32).to_le_bytes());
 }

@@ -43,7 +43,7 @@ fn one_per_voxel<'a>(all: &[&'a Surfel], voxel_m: f64, limit: usize) -> Option<V
     let mut occupied = HashSet::with_capacity(limit);
     let mut surfels = Vec::with_capacity(limit);
     for &surfel in all {
-        let voxel: [i64; 3] = surfel.position.coords.map(|x| (x / voxel_m).floor() as i64).into();
+        let voxel: [i64; 3] = surfel.position().coords.map(|x| (x / voxel_m).floor() as i64).into();
         if occupied.insert(voxel) {
             if surfels.len() == limit {
                 return None;

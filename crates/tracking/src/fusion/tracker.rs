@@ -153,7 +153,7 @@ pub struct Tracker {
     scratch: FusionScratch,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// Pose at which the model was last drawn, to register clouds to it; `None` after a merge.
+    /// Pose at which the model was last drawn; `None` before the first merge.
     view: Option<Pose>,
     /// Number of clouds tracked since the last merge.
     unmerged: u32,
@@ -248,8 +248,9 @@ impl Tracker {
     /// Stores the depth of the surface for the prior.
     fn update_relief(&mut self) {
         let width = self.camera.width_px().max(1);
-        let rows = (0_u16..).zip(self.surface.depths_m().chunks(width));
-        let points = rows.flat_map(|(v, row)| (0_u16..).zip(row).map(move |(u, &depth_m)| ([u, v], depth_m)));
+        // A quarter of the pixels is enough for cells of 256.
+        let rows = (0_u16..).zip(self.surface.depths_m().chunks(width)).step_by(2);
+        let points = rows.flat_map(|(v, row)| (0_u16..).zip(row).step_by(2).map(move |(u, &z_m)| ([u, v], z_m)));
         let measured = points.filter(|(_, depth_m)| !depth_m.is_nan());
         self.relief = Relief::from_points(self.size_px(), measured);
     }
@@ -303,12 +304,13 @@ impl Tracker {
         let reference = match view.filter(is_near) {
             Some(reference) => reference,
             None => {
-                model.draw(camera, model_from_cam1, self.settings.min_support, scratch);
+                model.draw(camera, model_from_cam1, scratch);
                 *view.insert(*model_from_cam1)
             }
         };
         let start = reference.inverse() * model_from_cam1;
-        let found = register_loosely(camera, &model.seen_from(&reference, scratch), sampled, &start, settings)?;
+        let surface = model.seen_from(&reference, self.settings.min_support, scratch);
+        let found = register_loosely(camera, &surface, sampled, &start, settings)?;
         Ok((reference, found))
     }
 
@@ -346,7 +348,7 @@ impl Tracker {
     fn merge(&mut self, model_from_cam1: &Pose, covariance: PoseCovariance, excess: f64) -> Merged {
         let Self { camera, model, surface, scratch, settings, .. } = self;
         let merged = model.merge(camera, surface, model_from_cam1, covariance, excess, settings.min_support, scratch);
-        self.view = None;
+        self.view = Some(*model_from_cam1);
         self.unmerged = 0;
         self.model_covariance = self.model.covariance();
         merged

@@ -45,6 +45,27 @@ impl Pair {
     }
 }
 
+/// The reference point at the pixel that a moved point projects to. From step to step most points stay in their pixel.
+#[derive(Clone, Copy)]
+struct Partner {
+    pixel: [isize; 2],
+    point: Option<SurfacePoint>,
+}
+
+/// The points of a level, by tile, with the partners of the last step.
+pub(super) struct Tiles<'a> {
+    pub(super) points: &'a [Vec<SurfacePoint>],
+    partners: Vec<Vec<Partner>>,
+}
+
+impl<'a> Tiles<'a> {
+    /// Creates tiles whose points have no partners yet.
+    pub(super) fn new(points: &'a [Vec<SurfacePoint>]) -> Self {
+        let none = Partner { pixel: [isize::MIN; 2], point: None };
+        Self { points, partners: points.iter().map(|tile| vec![none; tile.len()]).collect() }
+    }
+}
+
 /// Finds the pairs of points.
 pub(super) struct Association<'a, R> {
     /// Camera 1.
@@ -57,16 +78,22 @@ pub(super) struct Association<'a, R> {
 
 impl<R: Reference> Association<'_, R> {
     /// Finds the pairs of each tile at a pose.
-    pub(super) fn pairs(&self, tiles: &[Vec<SurfacePoint>], reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
-        let tile_pairs =
-            |tile: &Vec<SurfacePoint>| tile.iter().filter_map(|p| self.pair(p, reference_from_moved)).collect();
-        tiles.par_iter().map(tile_pairs).collect()
+    pub(super) fn pairs(&self, tiles: &mut Tiles<'_>, reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
+        let Tiles { points, partners } = tiles;
+        let tile_pairs = |(points, partners): (&Vec<SurfacePoint>, &mut Vec<Partner>)| {
+            points.iter().zip(partners).filter_map(|(p, last)| self.pair(p, last, reference_from_moved)).collect()
+        };
+        points.par_iter().zip(partners).map(tile_pairs).collect()
     }
 
-    fn pair(&self, moved: &SurfacePoint, reference_from_moved: &Pose) -> Option<Pair> {
+    fn pair(&self, moved: &SurfacePoint, last: &mut Partner, reference_from_moved: &Pose) -> Option<Pair> {
         let position = reference_from_moved * moved.position();
-        let pixel = self.camera.project(&position)?;
-        let partner = self.reference.at(pixel.x.round() as isize, pixel.y.round() as isize)?;
+        let projected = self.camera.project(&position)?;
+        let pixel = [projected.x.round() as isize, projected.y.round() as isize];
+        if last.pixel != pixel {
+            *last = Partner { pixel, point: self.reference.at(pixel[0], pixel[1]) };
+        }
+        let partner = last.point?;
         let normal = partner.unit_normal()?;
         let off = position - partner.position();
         let is_near = off.norm_squared() <= self.reach_m * self.reach_m;

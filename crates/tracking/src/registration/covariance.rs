@@ -1,6 +1,6 @@
 //! Uncertainty of a pose `b_from_a`.
 
-use nalgebra::{Matrix3, Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6};
 
 use fringeflow::geometry::{Point3, Pose, Vector3};
 
@@ -40,8 +40,9 @@ impl PoseCovariance {
     #[must_use]
     pub fn variance_along(&self, point: &Point3, direction: &Vector3) -> f64 {
         let turn = point.coords.cross(direction);
-        let row = Vector6::new(direction.x, direction.y, direction.z, turn.x, turn.y, turn.z);
-        row.dot(&(self.0 * row)).max(0.0)
+        let row = [direction.x, direction.y, direction.z, turn.x, turn.y, turn.z];
+        let column = |j: usize| (0..6).map(|i| self.0[(i, j)] * row[i]).sum::<f64>();
+        (0..6).map(|j| column(j) * row[j]).sum::<f64>().max(0.0)
     }
 
     /// Standard deviation of the position of a point of frame b, all directions together, metres.
@@ -61,6 +62,8 @@ impl PoseCovariance {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector6;
+
     use super::*;
 
     /// A rotation about a centre with 0.1 rad about each axis, and a translation with 0.01.

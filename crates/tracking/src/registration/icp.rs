@@ -5,7 +5,7 @@ use nalgebra::{Translation3, UnitQuaternion, Vector6};
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
-use super::association::{Association, Pair, Parametrization};
+use super::association::{Association, Pair, Parametrization, Tiles};
 use super::covariance::PoseCovariance;
 use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
@@ -103,11 +103,12 @@ fn iterate(
     start: Pose,
     steps: usize,
 ) -> Result<LevelResult, Lost> {
+    let mut tiles = Tiles::new(tiles);
     let mut pose = start;
     let mut last_step_sd = f64::INFINITY;
     let mut taken = 0;
     loop {
-        let pairs = association.pairs(tiles, &pose);
+        let pairs = association.pairs(&mut tiles, &pose);
         let scale = scale(&pairs);
         let equations = Equations::new(&pairs, scale);
         if taken == steps || last_step_sd <= CONVERGED_SD {
