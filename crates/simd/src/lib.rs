@@ -101,6 +101,23 @@ pub fn store_first<T: Copy, const COUNT: usize>(values: &[T; COUNT], to: &mut [T
     }
 }
 
+/// Returns the sum of the lanes: halves are added to each other.
+///
+/// ```
+/// assert_eq!(fringeflow_simd::total(std::array::from_fn(|k| k as f32)), 496.0);
+/// ```
+#[inline(always)]
+pub fn total(mut lanes: [f32; LANES]) -> f32 {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for k in 0..half {
+            lanes[k] += lanes[half + k];
+        }
+        half /= 2;
+    }
+    lanes[0]
+}
+
 /// Returns the mask bits of the first `count` lanes; all bits if `count` is greater than [`LANES`].
 #[inline(always)]
 pub fn first_lanes(count: usize) -> u32 {

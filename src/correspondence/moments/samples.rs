@@ -7,7 +7,7 @@
 //!
 //! At most labels nearly nothing fits. A few samples tell so, at a fraction of the cost of all.
 
-use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled};
+use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled, total};
 
 use super::evidence::{Question, pieces_at};
 use super::likelihood::{Sums, radians};
@@ -334,28 +334,15 @@ impl Kernel for AllSums<'_> {
                 }
             }
             let mut totals = [0.0; SUMS];
-            for (total, sum) in totals.iter_mut().zip(all) {
+            for (all_lanes, sum) in totals.iter_mut().zip(all) {
                 let mut of_lanes = [0.0; LANES];
                 lanes.store_floats(sum, &mut of_lanes);
-                *total = total_of(of_lanes);
+                *all_lanes = total(of_lanes);
             }
             let [seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee] = totals;
             sums.push(Sums { seen, fitting, u, v, e, uu, uv, vv, ue, ve, ee });
         }
     }
-}
-
-/// The sum over all lanes: halves are added to each other.
-#[inline(always)]
-fn total_of(mut lanes: [f32; LANES]) -> f32 {
-    let mut half = LANES / 2;
-    while half > 0 {
-        for i in 0..half {
-            lanes[i] += lanes[half + i];
-        }
-        half /= 2;
-    }
-    lanes[0]
 }
 
 #[cfg(test)]
@@ -376,10 +363,5 @@ mod tests {
             let on_line = |line: usize| screened(MOST).filter(|i| [i / side, i % side][axis] == line).count();
             assert!((0..side).all(|line| on_line(line) <= SCREENED / 4));
         }
-    }
-
-    #[test]
-    fn the_sum_over_the_lanes_is_exact_for_small_numbers() {
-        assert_eq!(total_of(std::array::from_fn(|i| i as f32)), 496.0);
     }
 }

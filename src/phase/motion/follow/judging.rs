@@ -2,7 +2,7 @@
 //! Cost: a linear fit of one row in eight, twice.
 
 use fringeflow_base::limits::{MAX_IMAGES, MIN_STEPS};
-use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes};
+use fringeflow_simd::{Kernel, LANES, Lanes, first_lanes, total};
 
 use crate::phase::Validity;
 use crate::phase::motion::fit::MotionFit;
@@ -146,10 +146,9 @@ impl<S: Sample> Kernel for VerdictKernel<'_, '_, S> {
             let end = ((tile_row + 1) * FLOW_TILE_PX).min(resting.height);
             for row in (tile_row * FLOW_TILE_PX + first..end).step_by(step) {
                 let place = [row * resting.width + block * LANES, count];
-                let both = [(resting, fits.resting()), (followed, fits.for_bin(path.bin))];
-                let [resting, followed] =
-                    both.map(|(images, fit)| fit_quality(lanes, images, fit, validity, place, greys));
-                *verdict = verdict.plus(Verdict { lit: resting.lit, resting, followed });
+                let at_rest = fit_quality(lanes, resting, fits.resting(), validity, place, greys);
+                let on_path = fit_quality(lanes, followed, fits.for_bin(path.bin), validity, place, greys);
+                *verdict = verdict.plus(Verdict { lit: at_rest.lit, resting: at_rest, followed: on_path });
             }
         }
     }
@@ -179,7 +178,11 @@ fn fit_quality<L: Lanes, S: Sample>(
     for (i, (weights, greys)) in fit.weights.iter().zip(greys.iter_mut()).enumerate() {
         let grey = images.greys(l, i, [pixel, count], &mut greatest);
         l.store_reals(grey, greys);
-        z = [0, 1, 2, 3].map(|part| l.add_real(z[part], l.times_real(grey, l.real(weights[1 + part]))));
+        let mut part = 0;
+        while part < z.len() {
+            z[part] = l.add_real(z[part], l.times_real(grey, l.real(weights[1 + part])));
+            part += 1;
+        }
     }
     // Squared residual of the sinusoid at the motion of the fit.
     let mut squares = l.real(0.0);
@@ -194,17 +197,23 @@ fn fit_quality<L: Lanes, S: Sample>(
     let half = HALF_FIT_SHARE * HALF_FIT_SHARE * (images.count - MIN_STEPS) as f32;
     let half = l.times_real(l.real(half), power);
     let least = validity.min_modulation_grey * validity.min_modulation_grey;
-    let is_usable =
-        l.bits(l.is_at_least_real(power, l.real(least))) & !l.bits(images.saturates(l, greatest)) & first_lanes(count);
+    let is_lit = l.and_not(l.is_at_least_real(power, l.real(least)), images.saturates(l, greatest));
+    let is_usable = l.and(is_lit, l.mask(first_lanes(count)));
     // Im(z'·z*).
     let slope = l.sub_real(l.times_real(z[3], z[0]), l.times_real(z[2], z[1]));
-    let sum = |reals: L::Reals| {
-        let mut values = [0.0; LANES];
-        l.store_reals(reals, &mut values);
-        let usable = values.iter().enumerate().filter(|(k, _)| is_usable >> k & 1 == 1);
-        usable.map(|(_, value)| value).sum::<f32>()
-    };
-    let lit = is_usable.count_ones() as f32;
-    let fit = sum(l.over_real(half, l.add_real(half, squares)));
-    FitQuality { lit, fit, power: sum(power), remaining: sum(slope).abs() }
+    let fit = l.over_real(half, l.add_real(half, squares));
+    FitQuality {
+        lit: l.bits(is_usable).count_ones() as f32,
+        fit: sum(l, is_usable, fit),
+        power: sum(l, is_usable, power),
+        remaining: sum(l, is_usable, slope).abs(),
+    }
+}
+
+/// The sum of the usable lanes.
+#[inline(always)]
+fn sum<L: Lanes>(lanes: L, is_usable: L::Mask, reals: L::Reals) -> f32 {
+    let mut values = [0.0; LANES];
+    lanes.store_reals(lanes.select_real(is_usable, reals, lanes.real(0.0)), &mut values);
+    total(values)
 }

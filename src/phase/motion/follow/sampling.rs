@@ -65,9 +65,9 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
                 let column = begin as isize + left as isize - 1;
                 let upper = match lower {
                     Some(lower) => lower,
-                    None => SourceRow::new(lanes, &load_taps(images.row(image, source(0)), column), across, down),
+                    None => SourceRow::new(lanes, images.row(image, source(0)), column, across, down),
                 };
-                let below = SourceRow::new(lanes, &load_taps(images.row(image, source(1)), column), across, down);
+                let below = SourceRow::new(lanes, images.row(image, source(1)), column, across, down);
                 let mut sampled = interpolate(lanes, images, [&upper, &below], down);
                 lower = Some(below);
                 let place = [(begin as f32 + x, count), (row as f32 + y, 1)];
@@ -83,14 +83,20 @@ impl<S: Sample> Kernel for Sampling<'_, '_, S> {
     }
 }
 
-/// Loads samples of a row from a column on. Beyond its ends the samples at the ends are repeated.
+/// Samples that contribute to 32 neighbours.
+type Taps<S> = [S; LANES + TAPS - 1];
+
+/// Samples of a row from a column on. Beyond its ends the samples at the ends are repeated, in `padded`.
+///
+/// Not copied without need: the taps overlap, and a processor waits for loads that overlap two fresh stores.
 #[inline(always)]
-fn load_taps<S: Sample>(row: &[S], column: isize) -> [S; LANES + TAPS - 1] {
+fn taps<'a, S: Sample>(row: &'a [S], column: isize, padded: &'a mut Taps<S>) -> &'a Taps<S> {
     if let Some(all) = usize::try_from(column).ok().and_then(|column| row.get(column..)?.first_chunk()) {
-        return *all;
+        return all;
     }
     let last = row.len() as isize - 1;
-    std::array::from_fn(|k| row[(column + k as isize).clamp(0, last) as usize])
+    *padded = std::array::from_fn(|k| row[(column + k as isize).clamp(0, last) as usize]);
+    padded
 }
 
 /// Weights of four samples at a point between the middle two, at `share` of their distance (Catmull and Rom).
@@ -109,8 +115,10 @@ struct SourceRow<L: Lanes> {
 
 impl<L: Lanes> SourceRow<L> {
     #[inline(always)]
-    fn new<S: Sample>(lanes: L, taps: &[S; LANES + TAPS - 1], across: [f32; TAPS], down: [f32; 2]) -> Self {
+    fn new<S: Sample>(lanes: L, row: &[S], column: isize, across: [f32; TAPS], down: [f32; 2]) -> Self {
         let l = lanes;
+        let mut padded = [S::default(); LANES + TAPS - 1];
+        let taps = taps(row, column, &mut padded);
         let (mut values, mut greatest) = (l.real(0.0), [l.word(0); 2]);
         let mut k = 0;
         while k < TAPS {
