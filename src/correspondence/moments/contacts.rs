@@ -6,6 +6,8 @@
 //! the order with the most contacts receives the message that a decided node would send: all others pay the price
 //! ```
 
+use rayon::prelude::*;
+
 use super::evidence::{STEPS_PER_NAT, Scores};
 use super::nodes::{LABELS, NONE, NOTHING, Nodes};
 use super::phase_runs::PhaseRuns;
@@ -29,7 +31,7 @@ pub(super) fn continue_decided(
     let (width, count) = (view.cam1.width, view.cam1.phase.len());
     let price = (price_nats * STEPS_PER_NAT) as i16;
     let Nodes { nodes, pieces, .. } = nodes;
-    for (node, scores) in nodes.iter_mut().zip(scores) {
+    nodes.par_iter_mut().zip(scores).with_min_len(64).for_each(|(node, scores)| {
         let mut contacts = [0_u16; LABELS];
         for piece in &pieces[node.piece_range()] {
             for u in piece.columns() {
@@ -52,5 +54,5 @@ pub(super) fn continue_decided(
             let others = scores.iter_mut().enumerate().filter(|(k, _)| *k != usize::from(label));
             others.for_each(|(_, score)| *score -= price);
         }
-    }
+    });
 }

@@ -20,6 +20,7 @@
 mod adopt;
 mod belief;
 mod breaks;
+mod claims;
 mod confidence;
 mod contacts;
 mod continuity;
@@ -69,6 +70,7 @@ use super::disjoint_sets::DisjointSets;
 use super::drift::Drift;
 use super::neighbourhood::{MAX_STEP, phase_step};
 use super::pool::Pool;
+use super::runs::Run;
 use super::segment_table::EpipolarAxis;
 use super::view::View;
 
@@ -183,7 +185,8 @@ impl Planes {
 pub(super) struct Scratch {
     runs: PhaseRuns,
     bases: Vec<i32>,
-    middles: Vec<[f64; 2]>,
+    /// The order of the middle of the volume at each run, before it is averaged over a surface.
+    middles: Vec<f32>,
     nodes: Nodes,
     /// Nodes of each surface.
     of_surface: Vec<u32>,
@@ -295,20 +298,21 @@ impl Scratch {
 
     /// The order of label 0 of each surface: the middle label is the middle of the volume, averaged over the surface.
     fn find_bases(&mut self, view: View<'_>) {
-        let Self { runs, bases, middles: sums, .. } = self;
-        sums.clear();
-        sums.resize(runs.surfaces, [0.0; 2]);
-        for run in &runs.runs.all {
+        let Self { runs, bases, middles, .. } = self;
+        let PhaseRuns { runs, relative, surfaces, .. } = &*runs;
+        let middle = |run: &Run| {
             let pixel = (run.pixels().start + run.pixels().end) / 2;
             let segment = view.table.segment(pixel);
             let phase = f32::from(view.cam1.phase[pixel]) / 65536.0;
-            let relative = (run.order_offset + i32::from(runs.relative[pixel])) as f32;
-            let middle = f64::from(segment.phase_turns(segment.reference_px) - phase - relative);
-            if middle.is_finite() {
-                let [sum, weight] = &mut sums[run.set as usize];
-                *sum += run.pixels().len() as f64 * middle;
-                *weight += run.pixels().len() as f64;
-            }
+            let relative = (run.order_offset + i32::from(relative[pixel])) as f32;
+            segment.phase_turns(segment.reference_px) - phase - relative
+        };
+        runs.all.par_iter().with_min_len(256).map(middle).collect_into_vec(middles);
+        let mut sums = vec![[0.0; 2]; *surfaces];
+        for (run, middle) in runs.all.iter().zip(middles).filter(|(_, middle)| middle.is_finite()) {
+            let [sum, weight] = &mut sums[run.set as usize];
+            *sum += run.pixels().len() as f64 * f64::from(*middle);
+            *weight += run.pixels().len() as f64;
         }
         bases.clear();
         bases.extend(sums.iter().map(|[sum, weight]| (sum / weight.max(1.0)) as i32 - LABELS as i32 / 2));

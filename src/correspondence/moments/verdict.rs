@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use fringeflow_simd::{Kernel, Lanes, Level};
 
 use super::breaks::{Breaks, Contact, Side, SurfaceOrder};
+use super::claims::{Claims, MIN_PIXELS};
 use super::confidence::Grounds;
 use super::gaps::Gaps;
 use super::learned::Learned;
@@ -37,6 +38,8 @@ use crate::phase::Modulation;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
+/// Rows of C1 that a task handles, at least.
+const MIN_ROWS: usize = 64;
 /// Reach of the places around a contested one, in which claims are counted, pixels.
 const CLAIM_REACH: isize = 2;
 
@@ -80,6 +83,7 @@ pub(super) struct Verdict {
     /// Pixel that holds each place of C2, and its absolute phase; [`ABSENT`] if there is none.
     owners: Vec<u32>,
     held: Vec<i32>,
+    claims: Claims,
     contest: Contest,
     /// Pixels of each part.
     sizes_px: Vec<u32>,
@@ -87,8 +91,6 @@ pub(super) struct Verdict {
     rows: Vec<PartRow>,
     gaps: Gaps,
     breaks: Breaks,
-    /// Points of each component, and those whose place another holds.
-    counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
 }
 
@@ -215,17 +217,27 @@ impl Verdict {
     /// Adds the evidence of occupancy to the components.
     fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
         self.claim(view, pixels);
-        let Self { component_of, components, places, owners, counts, absolute, .. } = self;
-        counts.clear();
-        counts.resize(components.len(), [0; 2]);
-        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            let own = component_of[pixels.owner[pixel] as usize];
-            let top = owners[place as usize] as usize;
-            let is_taken = component_of[pixels.owner[top] as usize] != own && differ(absolute[pixel], absolute[top]);
-            counts[own as usize][0] += 1;
-            counts[own as usize][1] += u32::from(is_taken);
-        }
-        for (own, [all, taken]) in components.iter_mut().zip(&*counts).filter(|(_, [all, _])| *all > 0) {
+        let Self { component_of, components, places, owners, absolute, .. } = self;
+        let (none, rows) = (vec![[0_u32; 2]; components.len()], view.cam1.width.max(1) * MIN_ROWS);
+        let counts = places.par_chunks(rows).enumerate().map(|(k, places)| {
+            let mut counts = none.clone();
+            let claims = places.iter().enumerate().filter(|(_, place)| **place != NONE);
+            for (pixel, &place) in claims.map(|(i, place)| (k * rows + i, place)) {
+                let own = component_of[pixels.owner[pixel] as usize];
+                let top = owners[place as usize] as usize;
+                let is_taken =
+                    component_of[pixels.owner[top] as usize] != own && differ(absolute[pixel], absolute[top]);
+                counts[own as usize][0] += 1;
+                counts[own as usize][1] += u32::from(is_taken);
+            }
+            counts
+        });
+        let sum = |mut a: Vec<[u32; 2]>, b: Vec<[u32; 2]>| {
+            a.iter_mut().zip(b).for_each(|([all, taken], more)| (*all, *taken) = (*all + more[0], *taken + more[1]));
+            a
+        };
+        let counts = counts.reduce(|| none.clone(), sum);
+        for (own, [all, taken]) in components.iter_mut().zip(&counts).filter(|(_, [all, _])| *all > 0) {
             let exponent = view.model.free_exponent;
             let free = (1.0 - *taken as f32 / *all as f32).max(MIN_FREE);
             own.nats += own.weight * (ln(1.0 + exponent) + exponent * ln(free)).min(0.0);
@@ -234,17 +246,10 @@ impl Verdict {
 
     /// Gives each place of C2 to the best founded component with a point there.
     fn claim(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
-        let mut owners = std::mem::take(&mut self.owners);
-        owners.clear();
+        let (mut owners, mut claims) = (std::mem::take(&mut self.owners), std::mem::take(&mut self.claims));
         owners.resize(view.cam2.phase.len(), NONE);
-        let founded = |pixel: usize| self.founded(pixel, pixels.owner[pixel], 0.0);
-        for (pixel, &place) in self.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            let owner = &mut owners[place as usize];
-            if *owner == NONE || founded(pixel) > founded(*owner as usize) {
-                *owner = pixel as u32;
-            }
-        }
-        self.owners = owners;
+        claims.award(&self.places, |pixel| self.founded(pixel, pixels.owner[pixel], 0.0), &mut owners);
+        (self.owners, self.claims) = (owners, claims);
     }
 
     /// Pixels whose place a better founded component holds. A surface that C2 sees claims all places around it; one that
@@ -255,8 +260,8 @@ impl Verdict {
         dropped.for_each(|(place, _)| *place = NONE);
         self.claim(view, pixels);
         let Self { owners, held, absolute, .. } = self;
-        held.clear();
-        held.extend(owners.iter().map(|&owner| if owner == NONE { ABSENT } else { absolute[owner as usize] }));
+        let of_owner = |&owner: &u32| if owner == NONE { ABSENT } else { absolute[owner as usize] };
+        owners.par_iter().with_min_len(MIN_PIXELS).map(of_owner).collect_into_vec(held);
         let Contest { mut others, mut contested, mut lost } = std::mem::take(&mut self.contest);
         let Self { places, owners, held, absolute, .. } = &*self;
         let columns = view.cam2.width;
@@ -264,12 +269,12 @@ impl Verdict {
         others.clear();
         others.resize(owners.len(), NONE);
         contested.clear();
-        for (pixel, &place) in places.iter().enumerate().filter(|(_, place)| **place != NONE) {
-            if let Some(rival) = place_of_rival(held, columns, place as usize, absolute[pixel]) {
-                contested.push([pixel as u32, owners[rival]]);
-                others[place as usize] = pixel as u32;
-            }
-        }
+        let claims = places.par_iter().with_min_len(MIN_PIXELS).enumerate().filter(|(_, place)| **place != NONE);
+        contested.par_extend(claims.filter_map(|(pixel, &place)| {
+            let rival = place_of_rival(held, columns, place as usize, absolute[pixel])?;
+            Some([pixel as u32, owners[rival]])
+        }));
+        contested.iter().for_each(|[pixel, _]| others[places[*pixel as usize] as usize] = *pixel);
         let density = |pixel: u32| {
             let place = places[pixel as usize] as usize;
             let mut count = 0_u32;
@@ -287,13 +292,13 @@ impl Verdict {
             view.model.free_exponent * ln(count.max(1) as f32 / all as f32)
         };
         let founded = |pixel: u32| self.founded(pixel as usize, pixels.owner[pixel as usize], density(pixel));
-        lost.clear();
-        for &[pixel, owner] in &contested {
+        let loser = |&[pixel, owner]: &[u32; 2]| {
             // Of two surfaces that are founded alike, the nearer one hides the other from C2.
             let is_nearer = view.table.nearness_to_cam2(pixel as usize) > view.table.nearness_to_cam2(owner as usize);
             let nearer = if is_nearer { view.model.nearer_nats } else { -view.model.nearer_nats };
-            lost.push(if founded(pixel) + nearer > founded(owner) { owner } else { pixel });
-        }
+            if founded(pixel) + nearer > founded(owner) { owner } else { pixel }
+        };
+        contested.par_iter().with_min_len(256).map(loser).collect_into_vec(&mut lost);
         lost.sort_unstable();
         lost.dedup();
         self.contest = Contest { others, contested, lost };
