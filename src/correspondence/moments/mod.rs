@@ -187,6 +187,8 @@ pub(super) struct Scratch {
     bases: Vec<i32>,
     /// The order of the middle of the volume at each run, before it is averaged over a surface.
     middles: Vec<f32>,
+    /// Their weighted sum over each surface, and the sum of the weights.
+    sums_of_surfaces: Vec<[f64; 2]>,
     nodes: Nodes,
     /// Nodes of each surface.
     of_surface: Vec<u32>,
@@ -298,7 +300,7 @@ impl Scratch {
 
     /// The order of label 0 of each surface: the middle label is the middle of the volume, averaged over the surface.
     fn find_bases(&mut self, view: View<'_>) {
-        let Self { runs, bases, middles, .. } = self;
+        let Self { runs, bases, middles, sums_of_surfaces: sums, .. } = self;
         let PhaseRuns { runs, relative, surfaces, .. } = &*runs;
         let middle = |run: &Run| {
             let pixel = (run.pixels().start + run.pixels().end) / 2;
@@ -308,7 +310,8 @@ impl Scratch {
             segment.phase_turns(segment.reference_px) - phase - relative
         };
         runs.all.par_iter().with_min_len(256).map(middle).collect_into_vec(middles);
-        let mut sums = vec![[0.0; 2]; *surfaces];
+        sums.clear();
+        sums.resize(*surfaces, [0.0; 2]);
         for (run, middle) in runs.all.iter().zip(middles).filter(|(_, middle)| middle.is_finite()) {
             let [sum, weight] = &mut sums[run.set as usize];
             *sum += run.pixels().len() as f64 * f64::from(*middle);

@@ -38,8 +38,8 @@ use crate::phase::Modulation;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
-/// Rows of C1 that a task handles, at least.
-const MIN_ROWS: usize = 64;
+/// Rows of C1 that a task handles.
+const BAND_ROWS: usize = 64;
 /// Reach of the places around a contested one, in which claims are counted, pixels.
 const CLAIM_REACH: isize = 2;
 
@@ -91,6 +91,8 @@ pub(super) struct Verdict {
     rows: Vec<PartRow>,
     gaps: Gaps,
     breaks: Breaks,
+    /// Points of each component, and those whose place another holds, by bands of rows.
+    counts: Vec<[u32; 2]>,
     segments: Pool<SegmentRow>,
 }
 
@@ -99,8 +101,8 @@ pub(super) struct Verdict {
 struct Contest {
     /// A second pixel in each place.
     others: Vec<u32>,
-    /// Each pixel of such a place, and the pixel that holds it.
-    contested: Vec<[u32; 2]>,
+    /// Each pixel of such a place, and the pixel that holds it, by bands of rows.
+    contested: Vec<Vec<[u32; 2]>>,
     /// The pixels that lose their place.
     lost: Vec<u32>,
 }
@@ -217,29 +219,29 @@ impl Verdict {
     /// Adds the evidence of occupancy to the components.
     fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
         self.claim(view, pixels);
-        let Self { component_of, components, places, owners, absolute, .. } = self;
-        let (none, rows) = (vec![[0_u32; 2]; components.len()], view.cam1.width.max(1) * MIN_ROWS);
-        let counts = places.par_chunks(rows).enumerate().map(|(k, places)| {
-            let mut counts = none.clone();
-            let claims = places.iter().enumerate().filter(|(_, place)| **place != NONE);
-            for (pixel, &place) in claims.map(|(i, place)| (k * rows + i, place)) {
+        let Self { component_of, components, places, owners, counts, absolute, .. } = self;
+        let (rows, of_bands) = (view.cam1.width * BAND_ROWS, components.len());
+        counts.clear();
+        counts.resize(of_bands * view.cam1.height.div_ceil(BAND_ROWS), [0; 2]);
+        let bands = places.par_chunks(rows.max(1)).zip(counts.par_chunks_mut(of_bands.max(1)));
+        bands.enumerate().for_each(|(band, (places, counts))| {
+            for (pixel, place) in (band * rows..).zip(places).filter(|(_, place)| **place != NONE) {
                 let own = component_of[pixels.owner[pixel] as usize];
-                let top = owners[place as usize] as usize;
+                let top = owners[*place as usize] as usize;
                 let is_taken =
                     component_of[pixels.owner[top] as usize] != own && differ(absolute[pixel], absolute[top]);
                 counts[own as usize][0] += 1;
                 counts[own as usize][1] += u32::from(is_taken);
             }
-            counts
         });
-        let sum = |mut a: Vec<[u32; 2]>, b: Vec<[u32; 2]>| {
-            a.iter_mut().zip(b).for_each(|([all, taken], more)| (*all, *taken) = (*all + more[0], *taken + more[1]));
-            a
-        };
-        let counts = counts.reduce(|| none.clone(), sum);
-        for (own, [all, taken]) in components.iter_mut().zip(&counts).filter(|(_, [all, _])| *all > 0) {
+        for (component, own) in components.iter_mut().enumerate() {
+            let of_own = counts.iter().skip(component).step_by(of_bands);
+            let [all, taken] = of_own.fold([0; 2], |sum, more| [sum[0] + more[0], sum[1] + more[1]]);
+            if all == 0 {
+                continue;
+            }
             let exponent = view.model.free_exponent;
-            let free = (1.0 - *taken as f32 / *all as f32).max(MIN_FREE);
+            let free = (1.0 - taken as f32 / all as f32).max(MIN_FREE);
             own.nats += own.weight * (ln(1.0 + exponent) + exponent * ln(free)).min(0.0);
         }
     }
@@ -268,13 +270,18 @@ impl Verdict {
         // A second pixel of another surface in the same place.
         others.clear();
         others.resize(owners.len(), NONE);
-        contested.clear();
-        let claims = places.par_iter().with_min_len(MIN_PIXELS).enumerate().filter(|(_, place)| **place != NONE);
-        contested.par_extend(claims.filter_map(|(pixel, &place)| {
-            let rival = place_of_rival(held, columns, place as usize, absolute[pixel])?;
-            Some([pixel as u32, owners[rival]])
-        }));
-        contested.iter().for_each(|[pixel, _]| others[places[*pixel as usize] as usize] = *pixel);
+        contested.resize_with(view.cam1.height.div_ceil(BAND_ROWS), Vec::new);
+        let rows = view.cam1.width * BAND_ROWS;
+        let bands = places.par_chunks(rows.max(1)).zip(&mut contested);
+        bands.enumerate().for_each(|(band, (places, contested))| {
+            contested.clear();
+            for (pixel, &place) in (band * rows..).zip(places).filter(|(_, place)| **place != NONE) {
+                if let Some(rival) = place_of_rival(held, columns, place as usize, absolute[pixel]) {
+                    contested.push([pixel as u32, owners[rival]]);
+                }
+            }
+        });
+        contested.iter().flatten().for_each(|[pixel, _]| others[places[*pixel as usize] as usize] = *pixel);
         let density = |pixel: u32| {
             let place = places[pixel as usize] as usize;
             let mut count = 0_u32;
@@ -298,7 +305,9 @@ impl Verdict {
             let nearer = if is_nearer { view.model.nearer_nats } else { -view.model.nearer_nats };
             if founded(pixel) + nearer > founded(owner) { owner } else { pixel }
         };
-        contested.par_iter().with_min_len(256).map(loser).collect_into_vec(&mut lost);
+        contested.par_iter_mut().flatten().for_each(|pair| pair[0] = loser(pair));
+        lost.clear();
+        lost.extend(contested.iter().flatten().map(|[loser, _]| loser));
         lost.sort_unstable();
         lost.dedup();
         self.contest = Contest { others, contested, lost };
