@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!  cloud ─► OrganizedSurface ─┐
-//!                             ├─► register ─► pose ─► merge ─► clean ─► Model ─► PLY
-//!  Model ─► view at the ──────┘                                           │
+//!                             ├─► register ─► pose ─► clean ─► merge ─► Model ─► PLY
+//!  Model ─► view near the ────┘                                           │
 //!           predicted pose ◄──────────────────────────────────────────────┘
 //! ```
 //!
@@ -13,7 +13,7 @@
 //! measurements at its place. A measurement without a surfel makes a new one. Surfels that later clouds contradict or
 //! never confirm are removed. There are no voxels: the model is as fine as the images.
 //!
-//! The cost is 0.06 s of one core for a cloud of 90,000 points and as many surfels. The same clouds give the same model
+//! The cost is 0.04 s of one core for a cloud of 60,000 points and a model of 110,000 surfels. The same clouds give the same model
 //! to the bit for any number of threads: points are assigned in parallel and merged in order.
 
 mod clean;
