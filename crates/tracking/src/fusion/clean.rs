@@ -86,8 +86,7 @@ fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict
     }
 }
 
-/// Whether so many clouds measured a surface behind it that it is not real.
-pub(super) fn is_contradicted(surfel: &Surfel) -> bool {
+fn is_contradicted(surfel: &Surfel) -> bool {
     surfel.contradictions >= MIN_CONTRADICTIONS && 3 * surfel.contradictions > surfel.support
 }
 

@@ -22,7 +22,7 @@ const SAME_SURFACE_SHARE: f32 = 0.01;
 pub(super) struct Projection {
     /// Image point: column, row.
     pub(super) pixel: [f32; 2],
-    /// Depth, metres; NaN if the surfel is outside the image or turned away.
+    /// Depth, metres; NaN if the surfel is outside the image, turned away, or not wanted.
     pub(super) depth_m: f32,
 }
 
@@ -50,21 +50,23 @@ pub(super) struct IndexMap {
 const NONE: u32 = u32::MAX;
 
 impl IndexMap {
-    /// Projects the surfels, instead of those before.
-    pub(super) fn draw(&mut self, surfels: &[Surfel], camera: &Camera, cam1_from_model: &Pose) {
+    /// Projects the surfels that pass `is_wanted`, instead of those before.
+    pub(super) fn draw(
+        &mut self,
+        surfels: &[Surfel],
+        camera: &Camera,
+        cam1_from_model: &Pose,
+        is_wanted: impl Fn(&Surfel) -> bool + Sync,
+    ) {
         [self.width, self.height] = [camera.width_px() * CELLS, camera.height_px() * CELLS];
         self.cells.clear();
         self.cells.resize(self.width * self.height, NONE);
-        self.projections.clear();
-        self.add_new(surfels, camera, cam1_from_model);
-    }
-
-    /// Projects the surfels that were appended to those projected so far.
-    pub(super) fn add_new(&mut self, surfels: &[Surfel], camera: &Camera, cam1_from_model: &Pose) {
-        let first = self.projections.len();
-        let project = |surfel| project(surfel, camera, cam1_from_model).unwrap_or(Projection::NONE);
-        self.projections.par_extend(surfels[first..].par_iter().with_min_len(1024).map(project));
-        for (index, projection) in self.projections.iter().enumerate().skip(first) {
+        let project = |surfel: &Surfel| {
+            let seen = is_wanted(surfel).then(|| project(surfel, camera, cam1_from_model)).flatten();
+            seen.unwrap_or(Projection::NONE)
+        };
+        surfels.par_iter().with_min_len(1024).map(project).collect_into_vec(&mut self.projections);
+        for (index, projection) in self.projections.iter().enumerate() {
             let Some(cell) = self.cell_at(projection) else { continue };
             let other = self.cells[cell];
             let replaces_other = other == NONE || {
@@ -124,9 +126,8 @@ impl IndexMap {
         is_hidden
     }
 
-    /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel of the image, of those that
-    /// pass `is_wanted`.
-    pub(super) fn foremost(&self, [u, v]: [u16; 2], is_wanted: impl Fn(usize) -> bool) -> Option<usize> {
+    /// Returns the surfel of the foremost surface that is nearest to the centre of a pixel of the image.
+    pub(super) fn foremost(&self, [u, v]: [u16; 2]) -> Option<usize> {
         if usize::from(u) * CELLS >= self.width || usize::from(v) * CELLS >= self.height {
             return None;
         }
@@ -141,7 +142,7 @@ impl IndexMap {
                     seen.depth_m < other.depth_m
                 }
             });
-            if is_better && is_wanted(index) {
+            if is_better {
                 best = Some((index, seen));
             }
         });

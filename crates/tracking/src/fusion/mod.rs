@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!  cloud ─► OrganizedSurface ─┐
-//!                             ├─► register ─► pose ─► clean ─► merge ─► Model ─► PLY
-//!  Model ─► view near the ────┘                                           │
+//!                             ├─► register ─► pose ─► merge ─► clean ─► Model ─► PLY
+//!  Model ─► view at the ──────┘                                           │
 //!           predicted pose ◄──────────────────────────────────────────────┘
 //! ```
 //!

@@ -14,7 +14,7 @@ use super::surfel::Surfel;
 pub struct Merged {
     /// Surfels added.
     pub added: usize,
-    /// Surfels removed, because the clouds before contradicted or never confirmed them.
+    /// Surfels removed after contradictions.
     pub removed: usize,
 }
 
@@ -25,19 +25,17 @@ pub(super) struct FusionScratch {
     owners: Vec<u32>,
 }
 
-/// The supported surfels as camera 1 sees them, in the frame of the camera. Each pixel has the one nearest to its centre.
+/// The model as camera 1 sees it, in the frame of the camera. Each pixel has the surfel nearest to its centre.
 pub(super) struct ModelView<'a> {
     surfels: &'a [Surfel],
     map: &'a IndexMap,
     cam1_from_model: Pose,
-    min_support: u32,
 }
 
 impl Reference for ModelView<'_> {
     fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
         let cam1_px = [u16::try_from(column).ok()?, u16::try_from(row).ok()?];
-        let is_supported = |index: usize| self.surfels[index].is_supported(self.min_support);
-        let surfel = &self.surfels[self.map.foremost(cam1_px, is_supported)?];
+        let surfel = &self.surfels[self.map.foremost(cam1_px)?];
         let single = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
         Some(SurfacePoint {
             position_m: single((self.cam1_from_model * surfel.position()).coords),
@@ -83,19 +81,20 @@ impl Model {
         self.centre
     }
 
-    /// Draws the surfels as camera 1 sees them, for [`Self::seen_from`].
-    pub(super) fn draw(&self, camera: &Camera, model_from_cam1: &Pose, FusionScratch { map, .. }: &mut FusionScratch) {
-        map.draw(&self.surfels, camera, &model_from_cam1.inverse());
-    }
-
-    /// The surface of the model, at the pose at which it was last drawn or a cloud was merged.
-    pub(super) fn seen_from<'a>(
-        &'a self,
+    /// Draws the supported surfels as camera 1 sees them, for [`Self::seen_from`].
+    pub(super) fn draw(
+        &self,
+        camera: &Camera,
         model_from_cam1: &Pose,
         min_support: u32,
-        FusionScratch { map, .. }: &'a FusionScratch,
-    ) -> ModelView<'a> {
-        ModelView { surfels: &self.surfels, map, cam1_from_model: model_from_cam1.inverse(), min_support }
+        FusionScratch { map, .. }: &mut FusionScratch,
+    ) {
+        map.draw(&self.surfels, camera, &model_from_cam1.inverse(), |surfel| surfel.is_supported(min_support));
+    }
+
+    /// The surface of the surfels drawn last, at this pose, with the model as it is.
+    pub(super) fn seen_from<'a>(&'a self, model_from_cam1: &Pose, scratch: &'a FusionScratch) -> ModelView<'a> {
+        ModelView { surfels: &self.surfels, map: &scratch.map, cam1_from_model: model_from_cam1.inverse() }
     }
 
     /// Covariance of the pose of the model: the mean over its surfels of the covariance of the cloud that first
@@ -111,10 +110,7 @@ impl Model {
     }
 
     /// Merges the surface of a cloud with its pose and covariance. `excess` is the ratio of the residuals of its
-    /// registration to noise. Then the model is drawn at this pose.
-    ///
-    /// Surfels that earlier clouds showed to be wrong are removed first, so that the drawing stays valid to the next
-    /// merge.
+    /// registration to noise.
     pub(super) fn merge(
         &mut self,
         camera: &Camera,
@@ -132,33 +128,27 @@ impl Model {
             pixel_per_m: 1.0 / camera.focal_px()[0],
             cloud: self.clouds.len() as u32,
         };
-        let before = self.surfels.len();
-        let sum_m = self.clean(min_support);
-        let kept = self.surfels.len();
-        let cam1_from_model = model_from_cam1.inverse();
-        map.draw(&self.surfels, camera, &cam1_from_model);
+        map.draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
         let added = merge(&mut self.surfels, map, surface, &placement, owners);
         count_verdicts(&mut self.surfels, map, surface, &placement);
-        map.add_new(&self.surfels, camera, &cam1_from_model);
-        let sum_m = self.surfels[kept..].iter().fold(sum_m, |sum, surfel| sum + surfel.position().coords);
-        self.centre = Point3::from(sum_m / self.surfels.len().max(1) as f64);
         self.clouds.push((covariance, added as u32));
-        Merged { added, removed: before - kept }
+        Merged { added, removed: self.clean(min_support) }
     }
 
-    /// Removes wrong surfels, and returns the sum of the positions of the others.
-    fn clean(&mut self, min_support: u32) -> Vector3 {
-        let Self { surfels, clouds, .. } = self;
-        let mut sum_m = Vector3::zeros();
+    /// Removes wrong surfels, and returns their number.
+    fn clean(&mut self, min_support: u32) -> usize {
+        let Self { surfels, clouds, centre } = self;
+        let (before, mut sum) = (surfels.len(), Vector3::zeros());
         surfels.retain(|surfel| {
             let is_wrong = is_wrong(surfel, min_support);
             if is_wrong {
                 clouds[surfel.first_cloud as usize].1 -= 1;
             } else {
-                sum_m += surfel.position().coords;
+                sum += surfel.position().coords;
             }
             !is_wrong
         });
-        sum_m
+        *centre = Point3::from(sum / surfels.len().max(1) as f64);
+        before - surfels.len()
     }
 }

@@ -2,8 +2,6 @@
 
 use fringeflow::geometry::{Point3, Vector3};
 
-use super::clean::is_contradicted;
-
 /// A measurement to merge into a surfel, in the frame of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
@@ -98,11 +96,10 @@ impl Surfel {
         }
     }
 
-    /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer, and it
-    /// is not contradicted.
+    /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer.
     #[must_use]
     pub fn is_supported(&self, min_support: u32) -> bool {
-        self.support >= min_support.min(self.seen) && !is_contradicted(self)
+        self.support >= min_support.min(self.seen)
     }
 
     /// Standard deviation of its position, metres. It contains the noise of the mean, enlarged if the measurements

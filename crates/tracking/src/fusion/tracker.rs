@@ -153,7 +153,7 @@ pub struct Tracker {
     scratch: FusionScratch,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// Pose at which the model was last drawn; `None` before the first merge.
+    /// Pose at which the model was last drawn, to register clouds to it; `None` after a merge.
     view: Option<Pose>,
     /// Number of clouds tracked since the last merge.
     unmerged: u32,
@@ -304,13 +304,12 @@ impl Tracker {
         let reference = match view.filter(is_near) {
             Some(reference) => reference,
             None => {
-                model.draw(camera, model_from_cam1, scratch);
+                model.draw(camera, model_from_cam1, self.settings.min_support, scratch);
                 *view.insert(*model_from_cam1)
             }
         };
         let start = reference.inverse() * model_from_cam1;
-        let surface = model.seen_from(&reference, self.settings.min_support, scratch);
-        let found = register_loosely(camera, &surface, sampled, &start, settings)?;
+        let found = register_loosely(camera, &model.seen_from(&reference, scratch), sampled, &start, settings)?;
         Ok((reference, found))
     }
 
@@ -348,7 +347,7 @@ impl Tracker {
     fn merge(&mut self, model_from_cam1: &Pose, covariance: PoseCovariance, excess: f64) -> Merged {
         let Self { camera, model, surface, scratch, settings, .. } = self;
         let merged = model.merge(camera, surface, model_from_cam1, covariance, excess, settings.min_support, scratch);
-        self.view = Some(*model_from_cam1);
+        self.view = None;
         self.unmerged = 0;
         self.model_covariance = self.model.covariance();
         merged
