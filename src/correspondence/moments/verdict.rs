@@ -28,6 +28,7 @@ use super::noise::Noise;
 use super::offsets::{self, Offsets, PartMean};
 use super::part_rows::{PartRow, differ};
 use super::{Part, Pixels};
+use crate::correspondence::bands::{self, BAND_ROWS};
 use crate::correspondence::disjoint_sets::DisjointSets;
 use crate::correspondence::neighbourhood::ABSENT;
 use crate::correspondence::pool::Pool;
@@ -38,8 +39,6 @@ use crate::phase::Modulation;
 /// Least share of free places that is counted.
 const MIN_FREE: f32 = 0.02;
 
-/// Rows of C1 that a task handles.
-const BAND_ROWS: usize = 64;
 /// Reach of the places around a contested one, in which claims are counted, pixels.
 const CLAIM_REACH: isize = 2;
 
@@ -92,7 +91,7 @@ pub(super) struct Verdict {
     gaps: Gaps,
     breaks: Breaks,
     /// Points of each component, and those whose place another holds, by bands of rows.
-    counts: Vec<[u32; 2]>,
+    counts: Vec<Vec<[u32; 2]>>,
     segments: Pool<SegmentRow>,
 }
 
@@ -220,14 +219,13 @@ impl Verdict {
     fn count_free_places(&mut self, view: View<'_>, pixels: &Pixels<'_>) {
         self.claim(view, pixels);
         let Self { component_of, components, places, owners, counts, absolute, .. } = self;
-        let (rows, of_bands) = (view.cam1.width * BAND_ROWS, components.len());
-        counts.clear();
-        counts.resize(of_bands * view.cam1.height.div_ceil(BAND_ROWS), [0; 2]);
-        let bands = places.par_chunks(rows.max(1)).zip(counts.par_chunks_mut(of_bands.max(1)));
-        bands.enumerate().for_each(|(band, (places, counts))| {
-            for (pixel, place) in (band * rows..).zip(places).filter(|(_, place)| **place != NONE) {
+        bands::resize(counts, view.cam1.height);
+        counts.par_iter_mut().enumerate().with_max_len(1).for_each(|(band, counts)| {
+            counts.clear();
+            counts.resize(components.len(), [0; 2]);
+            for (pixel, place) in claims_of_band(places, view.cam1.width, band) {
                 let own = component_of[pixels.owner[pixel] as usize];
-                let top = owners[*place as usize] as usize;
+                let top = owners[place] as usize;
                 let is_taken =
                     component_of[pixels.owner[top] as usize] != own && differ(absolute[pixel], absolute[top]);
                 counts[own as usize][0] += 1;
@@ -235,8 +233,8 @@ impl Verdict {
             }
         });
         for (component, own) in components.iter_mut().enumerate() {
-            let of_own = counts.iter().skip(component).step_by(of_bands);
-            let [all, taken] = of_own.fold([0; 2], |sum, more| [sum[0] + more[0], sum[1] + more[1]]);
+            let of_bands = counts.iter().map(|counts| counts[component]);
+            let [all, taken] = of_bands.fold([0; 2], |sum, more| [sum[0] + more[0], sum[1] + more[1]]);
             if all == 0 {
                 continue;
             }
@@ -270,16 +268,13 @@ impl Verdict {
         // A second pixel of another surface in the same place.
         others.clear();
         others.resize(owners.len(), NONE);
-        contested.resize_with(view.cam1.height.div_ceil(BAND_ROWS), Vec::new);
-        let rows = view.cam1.width * BAND_ROWS;
-        let bands = places.par_chunks(rows.max(1)).zip(&mut contested);
-        bands.enumerate().for_each(|(band, (places, contested))| {
+        bands::resize(&mut contested, view.cam1.height);
+        contested.par_iter_mut().enumerate().with_max_len(1).for_each(|(band, contested)| {
             contested.clear();
-            for (pixel, &place) in (band * rows..).zip(places).filter(|(_, place)| **place != NONE) {
-                if let Some(rival) = place_of_rival(held, columns, place as usize, absolute[pixel]) {
-                    contested.push([pixel as u32, owners[rival]]);
-                }
-            }
+            contested.extend(claims_of_band(places, view.cam1.width, band).filter_map(|(pixel, place)| {
+                let rival = place_of_rival(held, columns, place, absolute[pixel])?;
+                Some([pixel as u32, owners[rival]])
+            }));
         });
         contested.iter().flatten().for_each(|[pixel, _]| others[places[*pixel as usize] as usize] = *pixel);
         let density = |pixel: u32| {
@@ -339,6 +334,12 @@ impl Verdict {
         stands.extend(component_of.iter().map(|&component| components[component as usize].stands(min_px)));
         stands
     }
+}
+
+/// The pixels of a band that have a place in C2, with their places.
+fn claims_of_band(places: &[u32], width: usize, band: usize) -> impl Iterator<Item = (usize, usize)> {
+    let of_band = places.iter().enumerate().skip(band * BAND_ROWS * width).take(BAND_ROWS * width);
+    of_band.filter(|(_, place)| **place != NONE).map(|(pixel, place)| (pixel, *place as usize))
 }
 
 /// The place that a point of another surface holds: that of a point in C2, or both places beside it: the claims of a

@@ -7,7 +7,7 @@ use crate::registration::{OrganizedSurface, PoseCovariance, Reference, SurfacePo
 use super::clean::{count_verdicts, is_wrong};
 use super::index_map::IndexMap;
 use super::merge::{Placement, merge};
-use super::surfel::Surfel;
+use super::surfel::{Surfel, single};
 
 /// Changes that a cloud made to the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,10 +36,9 @@ impl Reference for ModelView<'_> {
     fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
         let cam1_px = [u16::try_from(column).ok()?, u16::try_from(row).ok()?];
         let surfel = &self.surfels[self.map.foremost(cam1_px)?];
-        let single = |v: Vector3| [v.x as f32, v.y as f32, v.z as f32];
         Some(SurfacePoint {
-            position_m: single((self.cam1_from_model * surfel.position()).coords),
-            normal: Some(single(self.cam1_from_model.rotation * surfel.normal())),
+            position_m: single(&(self.cam1_from_model * surfel.position()).coords),
+            normal: Some(single(&(self.cam1_from_model.rotation * surfel.normal()))),
             sigma_m: surfel.noise_m() as f32,
             intensity: surfel.intensity as u8,
             cam1_px,

@@ -2,6 +2,8 @@
 
 use fringeflow::geometry::{Point3, Vector3};
 
+use crate::registration::point_of;
+
 /// A measurement to merge into a surfel, in the frame of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measurement {
@@ -65,13 +67,13 @@ impl Surfel {
     /// Mean position of its measurements, weighted by their noise, metres.
     #[must_use]
     pub fn position(&self) -> Point3 {
-        Point3::from(double(&self.position_m))
+        point_of(self.position_m)
     }
 
     /// Mean normal of length 1, pointing away from the object.
     #[must_use]
     pub fn normal(&self) -> Vector3 {
-        double(&self.normal)
+        point_of(self.normal).coords
     }
 
     /// Adds a measurement to the running means (West 1979, "Updating mean and variance estimates").
@@ -116,12 +118,9 @@ impl Surfel {
     }
 }
 
-fn single(v: &Vector3) -> [f32; 3] {
+/// A vector in single precision.
+pub(super) fn single(v: &Vector3) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
-}
-
-fn double(&[x, y, z]: &[f32; 3]) -> Vector3 {
-    Vector3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
 /// Smallest standard deviation of a measurement, metres: the resolution of single precision at arm's length.

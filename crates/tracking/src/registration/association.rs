@@ -54,7 +54,7 @@ struct Partner {
 
 /// The points of a level, by tile, with the partners of the last step.
 pub(super) struct Tiles<'a> {
-    pub(super) points: &'a [Vec<SurfacePoint>],
+    points: &'a [Vec<SurfacePoint>],
     partners: Vec<Vec<Partner>>,
 }
 

@@ -26,6 +26,7 @@ pub use covariance::PoseCovariance;
 pub use icp::{register, register_loosely};
 pub use normals::Normals;
 pub use outcome::{Lost, Registration, RegistrationSettings};
+pub(crate) use surface::point_of;
 pub use surface::{OrganizedSurface, Reference, SurfacePoint};
 pub use thinning::SampledPoints;
 

@@ -37,7 +37,8 @@ impl SurfacePoint {
     }
 }
 
-fn point_of([x, y, z]: [f32; 3]) -> Point3 {
+/// A point from single precision.
+pub(crate) fn point_of([x, y, z]: [f32; 3]) -> Point3 {
     Point3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
