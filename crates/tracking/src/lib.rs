@@ -3,7 +3,7 @@
 //! ```text
 //!  cloud ─► registration ─► pose ─► fusion ─► model of surfels
 //!               ▲                      │
-//!               └──── model, drawn ◄───┘
+//!               └─── model, sampled ◄──┘
 //! ```
 //!
 //! ```

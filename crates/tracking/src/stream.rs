@@ -8,7 +8,7 @@ use fringeflow_base::grey::GreyLevels;
 use crate::fusion::{Tracked, Tracker};
 
 /// Reconstructs the windows of a moving scanner, and tracks it. Each cloud yields the prior of the next window.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct TrackedStream {
     reconstructor: Reconstructor,
     tracker: Tracker,

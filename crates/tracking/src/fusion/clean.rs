@@ -1,12 +1,9 @@
 //! Finds two kinds of wrong surfels: those behind which clouds measured a surface, and those that clouds could have
 //! measured but did not.
 
-use rayon::prelude::*;
-
 use crate::registration::OrganizedSurface;
 
-use super::index_map::{IndexMap, Projection, rounded};
-use super::merge::Placement;
+use super::depth_map::{DepthMap, Projection};
 use super::surfel::Surfel;
 
 /// A surface this far behind a surfel contradicts it: a share of the depth, 1 mm at 0.3 m. This is well above noise, so
@@ -20,32 +17,15 @@ const MIN_CONTRADICTIONS: u32 = 3;
 /// A surfel is unconfirmed if this multiple of the wanted number of clouds could have measured it.
 const OPPORTUNITIES: u32 = 4;
 
-/// What a cloud shows about a surfel.
+/// What a cloud shows about a surfel that it did not measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    /// Nothing: the surfel is outside the image, turned away, hidden, or at an edge.
+pub(super) enum Verdict {
+    /// Nothing: the surfel is hidden, or at an edge.
     NotVisible,
-    /// The cloud could have measured the surfel, whether it did or not.
+    /// The cloud could have measured the surfel.
     Visible,
     /// The cloud measured a surface behind the surfel.
     Contradicted,
-}
-
-/// Counts the verdict of a cloud on each surfel.
-///
-/// `map` shows the surfels before the merge. Surfels created since then count as visible to their cloud.
-pub(super) fn count_verdicts(
-    surfels: &mut [Surfel],
-    map: &IndexMap,
-    surface: &OrganizedSurface,
-    placement: &Placement,
-) {
-    surfels.par_iter_mut().enumerate().with_min_len(1024).for_each(|(index, surfel)| {
-        let is_measured = surfel.last_cloud == placement.cloud;
-        let verdict = if is_measured { Verdict::Visible } else { verdict(map, surface, index) };
-        surfel.seen += u32::from(verdict != Verdict::NotVisible);
-        surfel.contradictions += u32::from(verdict == Verdict::Contradicted);
-    });
 }
 
 /// Whether the model is better without a surfel.
@@ -53,16 +33,14 @@ pub(super) fn is_wrong(surfel: &Surfel, min_support: u32) -> bool {
     is_contradicted(surfel) || is_unconfirmed(surfel, min_support)
 }
 
-fn verdict(map: &IndexMap, surface: &OrganizedSurface, index: usize) -> Verdict {
-    match map.projection(index) {
-        Some(seen) if !map.is_hidden(seen) => verdict_from_pixels(surface, seen),
-        _ => Verdict::NotVisible,
-    }
+/// Returns what a cloud shows about a projected surfel. `map` shows the surfels before the merge.
+pub(super) fn verdict(map: &DepthMap, surface: &OrganizedSurface, seen: &Projection) -> Verdict {
+    if map.is_hidden(seen) { Verdict::NotVisible } else { verdict_from_pixels(surface, seen) }
 }
 
 /// Returns the verdict of the 3 × 3 pixels around a surfel.
 fn verdict_from_pixels(surface: &OrganizedSurface, seen: &Projection) -> Verdict {
-    let [u, v] = [rounded(seen.pixel[0]), rounded(seen.pixel[1])];
+    let [u, v] = seen.nearest_px();
     let around = (v - 1..=v + 1).flat_map(|row| (u - 1..=u + 1).map(move |column| (column, row)));
     let margin_m = BEHIND_SHARE * seen.depth_m;
     let (mut behind, mut in_front, mut at_surfel) = (0, 0, 0);

@@ -4,7 +4,7 @@ use fringeflow::geometry::{Camera, Pose};
 
 use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, SampledPoints, register};
 
-/// Minimum share of the points of the last cloud with a partner in the first. With fewer, the scan has not returned.
+/// Minimum share of the points of the first cloud with a partner in the last. With fewer, the scan has not returned.
 const MIN_SHARE: f64 = 0.5;
 
 /// Registration of the last cloud directly to the first.
@@ -23,8 +23,8 @@ impl Closure {
     /// Returns `None` if they overlap too little.
     pub(super) fn new(
         camera: &Camera,
-        first: &OrganizedSurface,
-        last: &SampledPoints,
+        first: &SampledPoints,
+        last: &OrganizedSurface,
         first_from_last: &Pose,
         settings: &RegistrationSettings,
     ) -> Option<Self> {

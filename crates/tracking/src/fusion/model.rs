@@ -1,13 +1,20 @@
 //! The model: surfels, and merging of clouds.
 
+use std::sync::atomic::AtomicBool;
+
+use rayon::prelude::*;
+
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
+use fringeflow_simd::prefetch;
 
-use crate::registration::{OrganizedSurface, PoseCovariance, Reference, SurfacePoint};
+use crate::registration::{
+    OrganizedSurface, PoseCovariance, ReferencePoint, SampledPoints, Thinning, run_length, with_matrix,
+};
 
-use super::clean::{count_verdicts, is_wrong};
-use super::index_map::IndexMap;
+use super::clean::is_wrong;
+use super::depth_map::{DepthMap, project};
 use super::merge::{Placement, merge};
-use super::surfel::{Surfel, single};
+use super::surfel::Surfel;
 
 /// Changes that a cloud made to the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,32 +25,14 @@ pub struct Merged {
     pub removed: usize,
 }
 
-/// Buffers of a merge and of a view, kept from cloud to cloud.
-#[derive(Clone, Debug, Default)]
+/// The surfel of the run this many runs ahead is loaded into the cache.
+const AHEAD: usize = 8;
+
+/// Buffers of a merge, kept from cloud to cloud.
+#[derive(Debug, Default)]
 pub(super) struct FusionScratch {
-    map: IndexMap,
-    owners: Vec<u32>,
-}
-
-/// The model as camera 1 sees it, in the frame of the camera. Each pixel has the surfel nearest to its centre.
-pub(super) struct ModelView<'a> {
-    surfels: &'a [Surfel],
-    map: &'a IndexMap,
-    cam1_from_model: Pose,
-}
-
-impl Reference for ModelView<'_> {
-    fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
-        let cam1_px = [u16::try_from(column).ok()?, u16::try_from(row).ok()?];
-        let surfel = &self.surfels[self.map.foremost(cam1_px)?];
-        Some(SurfacePoint {
-            position_m: single(&(self.cam1_from_model * surfel.position()).coords),
-            normal: Some(single(&(self.cam1_from_model.rotation * surfel.normal()))),
-            sigma_m: surfel.noise_m() as f32,
-            intensity: surfel.intensity as u8,
-            cam1_px,
-        })
-    }
+    map: DepthMap,
+    covered: Vec<AtomicBool>,
 }
 
 /// Surfels in the frame of C1 at the first cloud.
@@ -80,20 +69,34 @@ impl Model {
         self.centre
     }
 
-    /// Draws the supported surfels as camera 1 sees them, for [`Self::seen_from`].
-    pub(super) fn draw(
+    /// Samples about `count` of the supported surfels that face camera 1 and lie where a surface has points, hidden or
+    /// not, spread evenly over the model.
+    pub(super) fn sample(
         &self,
         camera: &Camera,
         model_from_cam1: &Pose,
+        surface: &OrganizedSurface,
         min_support: u32,
-        FusionScratch { map, .. }: &mut FusionScratch,
-    ) {
-        map.draw(&self.surfels, camera, &model_from_cam1.inverse(), |surfel| surfel.is_supported(min_support));
-    }
-
-    /// The surface of the surfels drawn last, at this pose, with the model as it is.
-    pub(super) fn seen_from<'a>(&'a self, model_from_cam1: &Pose, scratch: &'a FusionScratch) -> ModelView<'a> {
-        ModelView { surfels: &self.surfels, map: &scratch.map, cam1_from_model: model_from_cam1.inverse() }
+        count: usize,
+    ) -> SampledPoints {
+        let cam1_from_model = with_matrix(&model_from_cam1.inverse());
+        let sample = |run: usize| -> Vec<ReferencePoint> {
+            let thinning = Thinning { total: self.surfels.len(), run };
+            let seen = |run: usize| {
+                // The selected surfels lie apart in memory.
+                prefetch(&self.surfels, thinning.index(thinning.runs().min(run + AHEAD + 1) - 1));
+                let surfel = &self.surfels[thinning.index(run)];
+                let seen = surfel.is_supported(min_support).then(|| project(surfel, camera, &cam1_from_model))??;
+                let [column, row] = seen.nearest_px();
+                surface.depth_at(column, row)?;
+                Some(surfel.reference_point([column as u16, row as u16]))
+            };
+            (0..thinning.runs()).into_par_iter().filter_map(seen).collect()
+        };
+        // A first sample tells their share of all surfels.
+        let run = run_length(self.surfels.len(), count);
+        let seen = sample(run).len() * run;
+        SampledPoints { points: sample(run_length(seen, count)) }
     }
 
     /// Covariance of the pose of the model: the mean over its surfels of the covariance of the cloud that first
@@ -118,18 +121,18 @@ impl Model {
         covariance: PoseCovariance,
         excess: f64,
         min_support: u32,
-        FusionScratch { map, owners }: &mut FusionScratch,
+        FusionScratch { map, covered }: &mut FusionScratch,
     ) -> Merged {
         let placement = Placement {
-            model_from_cam1: *model_from_cam1,
+            model_from_cam1: with_matrix(model_from_cam1),
+            cam1_from_model: with_matrix(&model_from_cam1.inverse()),
             covariance,
             excess: excess.max(1.0),
             pixel_per_m: 1.0 / camera.focal_px()[0],
             cloud: self.clouds.len() as u32,
         };
-        map.draw(&self.surfels, camera, &model_from_cam1.inverse(), |_| true);
-        let added = merge(&mut self.surfels, map, surface, &placement, owners);
-        count_verdicts(&mut self.surfels, map, surface, &placement);
+        map.draw(&self.surfels, camera, &placement.cam1_from_model);
+        let added = merge(&mut self.surfels, map, surface, &placement, covered);
         self.clouds.push((covariance, added as u32));
         Merged { added, removed: self.clean(min_support) }
     }

@@ -54,6 +54,12 @@ impl MotionFilter {
         (self.poses > 1 && motion.is_finite()).then_some(motion)
     }
 
+    /// The last pose as all poses together tell it. Along a direction that its surface leaves open, it is the predicted
+    /// one.
+    pub(super) fn pose(&self) -> Pose {
+        self.pose
+    }
+
     /// Adds the pose found `seconds` after the last one, with its covariance in the reference frame of the pose. A pose
     /// that is not finite only advances the prediction.
     pub(super) fn update(&mut self, pose: &Pose, covariance: &PoseCovariance, seconds: f64) {

@@ -2,7 +2,9 @@
 
 use fringeflow::geometry::{Point3, Vector3};
 
-use crate::registration::point_of;
+use crate::registration::{ReferencePoint, point_of};
+
+use super::clean::Verdict;
 
 /// A measurement to merge into a surfel, in the frame of the model.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +28,7 @@ pub struct Surfel {
     position_m: [f32; 3],
     normal: [f32; 3],
     /// Sum of the weights `1/σ²`, 1/m².
-    pub(super) weight: f32,
+    weight: f32,
     /// `Σ w r²`, where r are the distances of the measurements along the normal from their mean.
     scatter: f32,
     /// Mean variance along the normal caused by the poses of its clouds, m².
@@ -41,9 +43,6 @@ pub struct Surfel {
     pub contradictions: u32,
     /// Index of the cloud that first measured it, among the merged clouds.
     pub(super) first_cloud: u32,
-    /// Index of the cloud that last measured it.
-    pub(super) last_cloud: u32,
-    measurements: u32,
 }
 
 impl Surfel {
@@ -56,11 +55,9 @@ impl Surfel {
             pose_variance: m.pose_variance as f32,
             intensity: f32::from(m.intensity),
             support: 1,
-            seen: 0,
+            seen: 1,
             contradictions: 0,
             first_cloud: m.cloud,
-            last_cloud: m.cloud,
-            measurements: 1,
         }
     }
 
@@ -74,6 +71,12 @@ impl Surfel {
     #[must_use]
     pub fn normal(&self) -> Vector3 {
         point_of(self.normal).coords
+    }
+
+    /// The surfel as a point that clouds are registered to, expected at a pixel.
+    pub(super) fn reference_point(&self, cam1_px: [u16; 2]) -> ReferencePoint {
+        let (position_m, normal, sigma_m) = (self.position_m, self.normal, self.noise_variance().sqrt() as f32);
+        ReferencePoint { position_m, normal, sigma_m, cam1_px }
     }
 
     /// Adds a measurement to the running means (West 1979, "Updating mean and variance estimates").
@@ -91,11 +94,14 @@ impl Surfel {
         self.intensity += (f32::from(m.intensity) - self.intensity) * share as f32;
         self.pose_variance += (m.pose_variance as f32 - self.pose_variance) * share as f32;
         self.weight = total as f32;
-        self.measurements += 1;
-        if self.last_cloud != m.cloud {
-            self.support += 1;
-            self.last_cloud = m.cloud;
-        }
+        self.support += 1;
+        self.seen += 1;
+    }
+
+    /// Counts what a cloud shows that did not measure it.
+    pub(super) fn judge(&mut self, verdict: Verdict) {
+        self.seen += u32::from(verdict != Verdict::NotVisible);
+        self.contradictions += u32::from(verdict == Verdict::Contradicted);
     }
 
     /// Whether at least `min_support` clouds measured it, or all that could have measured it if these are fewer.
@@ -108,18 +114,18 @@ impl Surfel {
     /// scatter more, and the error of the poses of the clouds, which does not shrink with more measurements.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
-        let excess = f64::from(self.scatter) / f64::from(self.measurements.saturating_sub(1).max(1));
+        let excess = f64::from(self.scatter) / f64::from(self.support.saturating_sub(1).max(1));
         (excess.max(1.0) / f64::from(self.weight) + f64::from(self.pose_variance)).sqrt()
     }
 
-    /// Standard deviation of its position by noise alone, metres.
-    pub(super) fn noise_m(&self) -> f64 {
-        (1.0 / f64::from(self.weight)).sqrt()
+    /// Variance of its position by noise alone, m².
+    pub(super) fn noise_variance(&self) -> f64 {
+        1.0 / f64::from(self.weight)
     }
 }
 
 /// A vector in single precision.
-pub(super) fn single(v: &Vector3) -> [f32; 3] {
+fn single(v: &Vector3) -> [f32; 3] {
     [v.x as f32, v.y as f32, v.z as f32]
 }
 
@@ -151,7 +157,7 @@ mod tests {
         for cloud in 1..16 {
             surfel.add(&Measurement { sigma_m: 1e-3, ..measured(0.3, cloud) });
         }
-        assert_eq!((surfel.support, surfel.measurements), (16, 16));
+        assert_eq!((surfel.support, surfel.seen), (16, 16));
         assert!((surfel.sigma_m() - 2.5e-4).abs() < 1e-9, "{}", surfel.sigma_m());
     }
 
@@ -174,8 +180,5 @@ mod tests {
             surfel.add(&posed(cloud));
         }
         assert!((surfel.sigma_m() - (1e-6 / 1000.0 + 1e-8_f64).sqrt()).abs() < 1e-9);
-        let support = surfel.support;
-        surfel.add(&posed(999));
-        assert_eq!(surfel.support, support, "a cloud counts once");
     }
 }

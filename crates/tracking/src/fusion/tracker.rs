@@ -132,29 +132,22 @@ impl LastKnown {
     }
 }
 
-/// A view is reused while points move in the image by less than this share of their distance, about 6 pixels of 640.
-/// Until then, surfaces that enter the image at its border have no partner.
-const VIEW_SHARE: f64 = 0.01;
-
 /// Tracks a scanner and fuses its clouds.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Tracker {
     camera: Camera,
     settings: FusionSettings,
     model: Model,
     /// The surface of the cloud in work.
     surface: OrganizedSurface,
-    /// The points of that surface that are registered.
-    sampled: SampledPoints,
-    first: OrganizedSurface,
-    /// Points of the last cloud that was registered.
-    last: SampledPoints,
+    /// Points of the first cloud.
+    first: SampledPoints,
+    /// The last cloud that was registered.
+    last: OrganizedSurface,
     normals: Normals,
     scratch: FusionScratch,
     /// Depth of the last cloud that was not lost.
     relief: Relief,
-    /// Pose at which the model was last drawn, to register clouds to it; `None` after a merge.
-    view: Option<Pose>,
     /// Number of clouds tracked since the last merge.
     unmerged: u32,
     /// Covariance of the pose of the model.
@@ -173,13 +166,11 @@ impl Tracker {
             settings,
             model: Model::default(),
             surface: OrganizedSurface::default(),
-            sampled: SampledPoints::default(),
-            first: OrganizedSurface::default(),
-            last: SampledPoints::default(),
+            first: SampledPoints::default(),
+            last: OrganizedSurface::default(),
             normals: Normals::default(),
             scratch: FusionScratch::default(),
             relief: Relief::default(),
-            view: None,
             unmerged: 0,
             model_covariance: PoseCovariance::zero(),
             last_known: None,
@@ -200,23 +191,20 @@ impl Tracker {
         self.surface.organize(cloud, self.size_px());
         let Some(known) = self.last_known else { return self.start_model(time_ns) };
         let settings = self.settings.registration;
-        self.normals.sample(&self.surface, settings.points, &mut self.sampled);
         let rough = self.register_at(&known.predict(time_ns), &settings);
         let found = match rough {
             // Where the surface leaves part of the pose open, a second search would leave it open too.
-            Ok((reference, found)) => {
-                found.determined(&settings).map(|found| (Tracking::Tracked(found), reference, found))
-            }
+            Ok(found) => found.determined(&settings).map(|found| (Tracking::Tracked(found), found)),
             Err(_) => self.relocalize(&known.model_from_cam1),
         };
         match found {
-            Ok((tracking, reference, found)) => self.accept((tracking, &reference, &found), known, time_ns),
+            Ok((tracking, found)) => self.accept(tracking, &found, known, time_ns),
             Err(lost) => {
                 // The motion is now unknown, unless the surface determined a part of the pose.
                 let mut known = LastKnown { is_lost: true, ..known };
-                if let Ok((reference, found)) = rough {
-                    let pose = normalized(reference * found.reference_from_moved);
-                    known.update(pose, &found.covariance.seen_from(&reference), time_ns);
+                if let Ok(found) = rough {
+                    known.update(normalized(found.reference_from_moved), &found.covariance, time_ns);
+                    known.rough_pose = known.motion.pose();
                     self.update_relief();
                 }
                 self.last_known = Some(known);
@@ -247,11 +235,11 @@ impl Tracker {
 
     /// Stores the depth of the surface for the prior.
     fn update_relief(&mut self) {
-        let width = self.camera.width_px().max(1);
+        let [width, height] = self.size_px();
         // A quarter of the pixels is enough for cells of 256.
-        let rows = (0_u16..).zip(self.surface.depths_m().chunks(width)).step_by(2);
-        let points = rows.flat_map(|(v, row)| (0_u16..).zip(row).step_by(2).map(move |(u, &z_m)| ([u, v], z_m)));
-        let measured = points.filter(|(_, depth_m)| !depth_m.is_nan());
+        let pixels = (0..height).step_by(2).flat_map(|v| (0..width).step_by(2).map(move |u| [u as u16, v as u16]));
+        let depth_m = |[u, v]: [u16; 2]| self.surface.depth_at(u as isize, v as isize);
+        let measured = pixels.filter_map(|pixel| Some((pixel, depth_m(pixel)?)));
         self.relief = Relief::from_points(self.size_px(), measured);
     }
 
@@ -270,58 +258,40 @@ impl Tracker {
         }
         let merged = self.merge(&model_from_cam1, covariance, 1.0);
         self.update_relief();
-        self.first = self.surface.clone();
+        self.first = SampledPoints::of_surface(&self.surface, self.settings.registration.points);
         let motion = MotionFilter::new(model_from_cam1, &covariance);
         let rough_pose = model_from_cam1;
         self.last_known = Some(LastKnown { model_from_cam1, rough_pose, time_ns, motion, is_lost: false });
         Tracked { tracking: Tracking::First, model_from_cam1, covariance, merged }
     }
 
-    /// Registers the sampled points to the model from the last known pose, with a longer reach. Also returns the pose of
-    /// the view that they were registered to.
-    fn relocalize(&mut self, model_from_cam1: &Pose) -> Result<(Tracking, Pose, Registration), Lost> {
+    /// Registers the surface to the model from the last known pose, with a longer reach.
+    fn relocalize(&self, model_from_cam1: &Pose) -> Result<(Tracking, Registration), Lost> {
         let settings = self.settings.registration;
         let reach_share = settings.reach_share * self.settings.relocalization_reach;
         let settings = RegistrationSettings { reach_share, ..settings };
-        let (reference, found) = self.register_at(model_from_cam1, &settings)?;
-        let found = found.determined(&settings)?;
-        Ok((Tracking::Relocalized(found), reference, found))
+        let found = self.register_at(model_from_cam1, &settings)?.determined(&settings)?;
+        Ok((Tracking::Relocalized(found), found))
     }
 
-    /// Registers the sampled points to the model as seen from a pose near `model_from_cam1`. Returns the pose of that
-    /// view and the registration, which may leave part of the pose undetermined.
-    fn register_at(
-        &mut self,
-        model_from_cam1: &Pose,
-        settings: &RegistrationSettings,
-    ) -> Result<(Pose, Registration), Lost> {
-        let Self { camera, model, sampled, view, scratch, .. } = self;
-        let centre = sampled.centre();
-        let is_near = |reference: &Pose| {
-            let moved = reference.inverse() * model_from_cam1 * centre;
-            (moved - centre).norm() <= VIEW_SHARE * centre.coords.norm()
-        };
-        let reference = match view.filter(is_near) {
-            Some(reference) => reference,
-            None => {
-                model.draw(camera, model_from_cam1, self.settings.min_support, scratch);
-                *view.insert(*model_from_cam1)
-            }
-        };
-        let start = reference.inverse() * model_from_cam1;
-        let found = register_loosely(camera, &model.seen_from(&reference, scratch), sampled, &start, settings)?;
-        Ok((reference, found))
+    /// Registers the surface to the surfels that lie where it has points, at a rough pose. The result may leave part of the pose
+    /// undetermined.
+    fn register_at(&self, model_from_cam1: &Pose, settings: &RegistrationSettings) -> Result<Registration, Lost> {
+        let Self { camera, model, surface, .. } = self;
+        let reference = model.sample(camera, model_from_cam1, surface, self.settings.min_support, settings.points);
+        register_loosely(camera, &reference, surface, model_from_cam1, settings)
     }
 
-    /// Accepts a pose found relative to the view at `model_from_reference`, and merges the cloud if it is due.
+    /// Accepts a pose, and merges the cloud if it is due.
     fn accept(
         &mut self,
-        (tracking, model_from_reference, registration): (Tracking, &Pose, &Registration),
+        tracking: Tracking,
+        registration: &Registration,
         mut known: LastKnown,
         time_ns: u64,
     ) -> Tracked {
-        let model_from_cam1 = normalized(model_from_reference * registration.reference_from_moved);
-        let own = registration.covariance.seen_from(model_from_reference);
+        let model_from_cam1 = normalized(registration.reference_from_moved);
+        let own = registration.covariance;
         let covariance = PoseCovariance(own.0 + self.model_covariance.0);
         self.unmerged += 1;
         let is_due = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
@@ -339,7 +309,7 @@ impl Tracker {
         self.last_known = Some(LastKnown { model_from_cam1, ..known });
         self.update_relief();
         self.covariance = covariance;
-        std::mem::swap(&mut self.last, &mut self.sampled);
+        std::mem::swap(&mut self.last, &mut self.surface);
         Tracked { tracking, model_from_cam1, covariance, merged }
     }
 
@@ -347,7 +317,6 @@ impl Tracker {
     fn merge(&mut self, model_from_cam1: &Pose, covariance: PoseCovariance, excess: f64) -> Merged {
         let Self { camera, model, surface, scratch, settings, .. } = self;
         let merged = model.merge(camera, surface, model_from_cam1, covariance, excess, settings.min_support, scratch);
-        self.view = None;
         self.unmerged = 0;
         self.model_covariance = self.model.covariance();
         merged

@@ -1,15 +1,14 @@
-//! Projective association: pairs each point of the moved surface with the reference point at the pixel that it projects
-//! to.
+//! Projective association: pairs each point of the reference with the point of the moved surface at the pixel that it
+//! projects to.
 
-use nalgebra::Vector6;
+use nalgebra::{IsometryMatrix3, Vector6};
 use rayon::prelude::*;
 
 use fringeflow::geometry::{Camera, Point3, Pose};
 
-use super::surface::{Reference, SurfacePoint};
+use super::surface::{OrganizedSurface, point_of};
+use super::thinning::ReferencePoint;
 
-/// Minimum cosine between the normals of paired points, 45°.
-const MIN_NORMAL_COSINE: f64 = 0.7;
 /// Minimum cosine between ray and normal when converting noise along the ray to noise across the surface. At flatter
 /// angles, other errors exceed the noise.
 const MIN_COSINE: f64 = 0.2;
@@ -45,70 +44,65 @@ impl Pair {
     }
 }
 
-/// The reference point at the pixel that a moved point projects to. From step to step most points stay in their pixel.
-#[derive(Clone, Copy)]
-struct Partner {
-    pixel: [isize; 2],
-    point: Option<SurfacePoint>,
-}
-
-/// The points of a level, by tile, with the partners of the last step.
-pub(super) struct Tiles<'a> {
-    points: &'a [Vec<SurfacePoint>],
-    partners: Vec<Vec<Partner>>,
-}
-
-impl<'a> Tiles<'a> {
-    /// Creates tiles whose points have no partners yet.
-    pub(super) fn new(points: &'a [Vec<SurfacePoint>]) -> Self {
-        let none = Partner { pixel: [isize::MIN; 2], point: None };
-        Self { points, partners: points.iter().map(|tile| vec![none; tile.len()]).collect() }
-    }
-}
-
 /// Finds the pairs of points.
-pub(super) struct Association<'a, R> {
+pub(super) struct Association<'a> {
     /// Camera 1.
     pub(super) camera: &'a Camera,
-    pub(super) reference: &'a R,
+    pub(super) moved: &'a OrganizedSurface,
     /// Largest distance between paired points, metres.
     pub(super) reach_m: f64,
     pub(super) parametrization: Parametrization,
 }
 
-impl<R: Reference> Association<'_, R> {
-    /// Finds the pairs of each tile at a pose.
-    pub(super) fn pairs(&self, tiles: &mut Tiles<'_>, reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
-        let Tiles { points, partners } = tiles;
-        let tile_pairs = |(points, partners): (&Vec<SurfacePoint>, &mut Vec<Partner>)| {
-            points.iter().zip(partners).filter_map(|(p, last)| self.pair(p, last, reference_from_moved)).collect()
+impl Association<'_> {
+    /// Finds the pairs of each tile of reference points at a pose.
+    pub(super) fn pairs(&self, tiles: &[Vec<ReferencePoint>], reference_from_moved: &Pose) -> Vec<Vec<Pair>> {
+        let [reference_from_moved, moved_from_reference] =
+            [reference_from_moved, &reference_from_moved.inverse()].map(with_matrix);
+        let of_tile = |tile: &Vec<ReferencePoint>| {
+            // The pixels lie apart in memory. All of a tile are asked for before the first is read.
+            let pixels: Vec<_> = tile.iter().map(|point| self.pixel_of(point, &moved_from_reference)).collect();
+            let pair = |(point, pixel): (_, Option<[isize; 2]>)| self.pair(point, pixel?, &reference_from_moved);
+            tile.iter().zip(pixels).filter_map(pair).collect()
         };
-        points.par_iter().zip(partners).map(tile_pairs).collect()
+        tiles.par_iter().map(of_tile).collect()
     }
 
-    fn pair(&self, moved: &SurfacePoint, last: &mut Partner, reference_from_moved: &Pose) -> Option<Pair> {
-        let position = reference_from_moved * moved.position();
-        let projected = self.camera.project(&position)?;
-        let pixel = [projected.x.round() as isize, projected.y.round() as isize];
-        if last.pixel != pixel {
-            *last = Partner { pixel, point: self.reference.at(pixel[0], pixel[1]) };
-        }
-        let partner = last.point?;
-        let normal = partner.unit_normal()?;
-        let off = position - partner.position();
-        let is_near = off.norm_squared() <= self.reach_m * self.reach_m;
-        let is_alike = (reference_from_moved.rotation * moved.unit_normal()?).dot(&normal) >= MIN_NORMAL_COSINE;
-        if !(is_near && is_alike) {
+    /// Returns the pixel that a point of the reference projects to, and starts to load it into the cache.
+    fn pixel_of(&self, point: &ReferencePoint, moved_from_reference: &IsometryMatrix3<f64>) -> Option<[isize; 2]> {
+        let pixel = self.camera.project(&(moved_from_reference * point.position()))?;
+        // Coordinates in the image are at least −0.5, so the nearest integer needs no rounding down.
+        let pixel = self.camera.sees(&pixel).then_some([pixel.x, pixel.y].map(|x| (x + 0.5) as isize))?;
+        self.moved.prefetch(pixel);
+        Some(pixel)
+    }
+
+    fn pair(
+        &self,
+        point: &ReferencePoint,
+        [column, row]: [isize; 2],
+        reference_from_moved: &IsometryMatrix3<f64>,
+    ) -> Option<Pair> {
+        let [x, y, z, sigma_m] = self.moved.measured_at(column, row)?;
+        let position = reference_from_moved * point_of([x, y, z]);
+        let (off, normal) = (position - point.position(), point.normal());
+        if off.norm_squared() > self.reach_m * self.reach_m {
             return None;
         }
-        let cosine = normal.dot(&position.coords.normalize()).abs().max(MIN_COSINE);
-        let noise_m = (f64::from(moved.sigma_m).powi(2) + f64::from(partner.sigma_m).powi(2)).sqrt() * cosine;
+        let ray = position.coords - reference_from_moved.translation.vector;
+        let cosine = (normal.dot(&ray).abs() / ray.norm()).max(MIN_COSINE);
+        let noise_m = (f64::from(sigma_m).powi(2) + f64::from(point.sigma_m).powi(2)).sqrt() * cosine;
         let turn = (position - self.parametrization.centre).cross(&normal) / self.parametrization.radius_m;
         Some(Pair {
             residual_m: off.dot(&normal),
             sd_m: (noise_m * noise_m + MIN_SD_M * MIN_SD_M).sqrt(),
             row: Vector6::new(normal.x, normal.y, normal.z, turn.x, turn.y, turn.z),
-            cam1_px: moved.cam1_px,
+            cam1_px: [column as u16, row as u16],
         })
     }
+}
+
+/// A pose with its rotation as a matrix, which turns vectors faster.
+pub(crate) fn with_matrix(pose: &Pose) -> IsometryMatrix3<f64> {
+    IsometryMatrix3::from_parts(pose.translation, pose.rotation.to_rotation_matrix())
 }

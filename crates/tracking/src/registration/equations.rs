@@ -111,6 +111,23 @@ impl Equations {
         Some(-self.information.cholesky()?.solve(&self.gradient))
     }
 
+    /// Covariance that a step has in addition along directions that the surface leaves open. There the information
+    /// comes from the noise of normals, and the steps follow noise: the less information, the less of it is true. At
+    /// most, a standard deviation is `limit_m`.
+    pub(super) fn doubt(&self, covariance: &Matrix6<f64>, min_eigenvalue: f64, limit_m: f64) -> Matrix6<f64> {
+        let doubt = |(eigenvalue, v): &(f64, Vector6<f64>)| {
+            let excess = (min_eigenvalue / eigenvalue).powi(2) - 1.0;
+            v * v.transpose() * (v.dot(&(covariance * v)) * excess).min(limit_m * limit_m)
+        };
+        self.directions().iter().filter(|(eigenvalue, _)| *eigenvalue < min_eigenvalue).map(doubt).sum()
+    }
+
+    /// Eigenvalues and eigenvectors of the information per unit of weight.
+    fn directions(&self) -> [(f64, Vector6<f64>); 6] {
+        let eigen = (self.information / self.weight.max(f64::MIN_POSITIVE)).symmetric_eigen();
+        std::array::from_fn(|k| (eigen.eigenvalues[k], eigen.eigenvectors.column(k).into_owned()))
+    }
+
     /// Mean length of a step over its six parameters, in standard deviations, for independent residuals of this scale.
     pub(super) fn step_sd(&self, step: &Vector6<f64>, scale: f64) -> f64 {
         (step.dot(&(self.information * step)).max(0.0) / 6.0).sqrt() / scale
@@ -118,10 +135,7 @@ impl Equations {
 
     /// Smallest eigenvalue of the information per unit of weight.
     pub(super) fn least_eigenvalue(&self) -> f64 {
-        if self.weight <= 0.0 {
-            return 0.0;
-        }
-        (self.information / self.weight).symmetric_eigenvalues().min()
+        self.directions().iter().map(|(eigenvalue, _)| *eigenvalue).fold(f64::INFINITY, f64::min)
     }
 
     /// Weighted root mean square of the residuals, metres.

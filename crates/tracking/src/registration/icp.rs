@@ -5,13 +5,13 @@ use nalgebra::{Translation3, UnitQuaternion, Vector6};
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
 
-use super::association::{Association, Pair, Parametrization, Tiles};
+use super::association::{Association, Pair, Parametrization};
 use super::covariance::PoseCovariance;
 use super::equations::{Equations, scale};
 use super::outcome::{Lost, Registration, RegistrationSettings};
 use super::smooth_error::gradient_covariance;
-use super::surface::{Reference, SurfacePoint};
-use super::thinning::SampledPoints;
+use super::surface::OrganizedSurface;
+use super::thinning::{ReferencePoint, SampledPoints};
 
 /// Levels from coarse to fine.
 const LEVELS: [Level; 3] = [
@@ -44,14 +44,15 @@ struct LevelResult {
     paired: Vec<Vec<Pair>>,
 }
 
-/// Registers points of a moved surface to a reference that camera 1 sees, starting at a rough pose.
+/// Registers a moved surface, as camera 1 sees it, to points of a reference, starting at a rough pose. The surface needs
+/// no normals.
 ///
 /// # Errors
 /// [`Lost`], with its reason.
 pub fn register(
     camera: &Camera,
-    reference: &impl Reference,
-    moved: &SampledPoints,
+    reference: &SampledPoints,
+    moved: &OrganizedSurface,
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
@@ -65,24 +66,24 @@ pub fn register(
 /// [`Lost`]. [`Lost::Degenerate`] occurs only for a surface without any relief.
 pub fn register_loosely(
     camera: &Camera,
-    reference: &impl Reference,
-    moved: &SampledPoints,
+    reference: &SampledPoints,
+    moved: &OrganizedSurface,
     start: &Pose,
     settings: &RegistrationSettings,
 ) -> Result<Registration, Lost> {
     // for each level, coarse to fine:
-    //     tiles = a regular sample of the moved points
+    //     tiles = a sample of the points of the reference
     //     repeat: pair by projection, solve the robust normal equations, move; until the step is small
     // judge the last level: overlap, residual, convergence, covariance
-    let distance_m = (start * moved.centre()).coords.norm();
+    let distance_m = moved.centre().coords.norm();
     let mut pose = *start;
     let mut last_level = None;
     for level in &LEVELS {
-        let tiles = moved.tiles((settings.points as f64 * level.points) as usize);
+        let tiles = reference.tiles((settings.points as f64 * level.points) as usize);
         let tried: usize = tiles.iter().map(Vec::len).sum();
         let reach_m = settings.reach_share * level.reach * distance_m;
-        let parametrization = parametrization_for(&tiles, &pose);
-        let association = Association { camera, reference, reach_m, parametrization };
+        let parametrization = parametrization_for(&tiles);
+        let association = Association { camera, moved, reach_m, parametrization };
         let found = iterate(&association, &tiles, pose, level.steps)?;
         let too_few = found.pairs < settings.min_associated || (found.pairs as f64) < settings.min_share * tried as f64;
         // A surface far from its final pose has fewer partners, so only the last level must have enough.
@@ -98,17 +99,16 @@ pub fn register_loosely(
 
 /// Iterates until the steps are small or their maximum number is reached.
 fn iterate(
-    association: &Association<'_, impl Reference>,
-    tiles: &[Vec<SurfacePoint>],
+    association: &Association<'_>,
+    tiles: &[Vec<ReferencePoint>],
     start: Pose,
     steps: usize,
 ) -> Result<LevelResult, Lost> {
-    let mut tiles = Tiles::new(tiles);
     let mut pose = start;
     let mut last_step_sd = f64::INFINITY;
     let mut taken = 0;
     loop {
-        let pairs = association.pairs(&mut tiles, &pose);
+        let pairs = association.pairs(tiles, &pose);
         let scale = scale(&pairs);
         let equations = Equations::new(&pairs, scale);
         if taken == steps || last_step_sd <= CONVERGED_SD {
@@ -160,6 +160,7 @@ fn judge(
     let smooth = gradient_covariance(&found.paired, found.scale);
     let least_eigenvalue = equations.least_eigenvalue();
     let covariance = equations.covariance(&smooth).ok_or(Lost::Degenerate { eigenvalue: least_eigenvalue })?;
+    let covariance = covariance + equations.doubt(&covariance, settings.min_eigenvalue, distance_m);
     // The parameters are lengths, but the covariance of a pose has its rotation in rad.
     let in_rad = Vector6::new(1.0, 1.0, 1.0, 1.0 / radius_m, 1.0 / radius_m, 1.0 / radius_m);
     let covariance = nalgebra::Matrix6::from_fn(|i, j| covariance[(i, j)] * in_rad[i] * in_rad[j]);
@@ -176,9 +177,9 @@ fn judge(
 
 /// Returns a parametrization with rotations about the mean of the points, scaled by their root mean square distance
 /// from it.
-fn parametrization_for(tiles: &[Vec<SurfacePoint>], pose: &Pose) -> Parametrization {
+fn parametrization_for(tiles: &[Vec<ReferencePoint>]) -> Parametrization {
     let count = tiles.iter().map(Vec::len).sum::<usize>().max(1) as f64;
-    let points = || tiles.iter().flatten().map(|p| (pose * p.position()).coords);
+    let points = || tiles.iter().flatten().map(|p| p.position().coords);
     let centre = points().sum::<Vector3>() / count;
     let square = points().map(|p| (p - centre).norm_squared()).sum::<f64>() / count;
     Parametrization { centre: Point3::from(centre), radius_m: square.sqrt().max(f64::MIN_POSITIVE) }

@@ -10,8 +10,7 @@ use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled, store_first};
 
-use super::surface::{OrganizedSurface, PointPlanes, Reference, SurfacePoint};
-use super::thinning::{SampledPoints, grid_step};
+use super::surface::{OrganizedSurface, PointImage};
 use super::window::{COUNT, MAX_DEVIATION, OFFSETS, Window};
 
 /// Tangent of the largest angle between the ray and a normal, 80°.
@@ -28,52 +27,19 @@ const MIN_SPREAD: f32 = 0.02;
 pub struct Normals {
     /// One per thread.
     windows: Vec<Window>,
-    /// Normals of a sampled grid.
-    sampled: [Vec<f32>; 3],
 }
 
 impl Normals {
     /// Computes the normals towards C1 of all points of a surface, if they exist.
     pub fn compute(&mut self, surface: &mut OrganizedSurface) {
         let OrganizedSurface { points, normals, .. } = surface;
-        compute_at(Level::in_use(), points, 1, &mut self.windows, normals);
-    }
-
-    /// Samples about `count` of the points of a surface, on a regular grid of pixels, and replaces `sampled` by those
-    /// that have a normal. Normals are computed for these points only.
-    pub fn sample(&mut self, surface: &OrganizedSurface, count: usize, sampled: &mut SampledPoints) {
-        self.sample_at(Level::in_use(), surface, count, sampled);
-    }
-
-    fn sample_at(&mut self, level: Level, surface: &OrganizedSurface, count: usize, sampled: &mut SampledPoints) {
-        let Self { windows, sampled: normals } = self;
-        let step_px = grid_step(surface.count(), count);
-        let [columns, rows] = surface.size_px().map(|side| side.div_ceil(step_px));
-        normals.iter_mut().for_each(|plane| plane.resize(columns * rows, f32::NAN));
-        compute_at(level, &surface.points, step_px, windows, normals);
-        let [x, y, z] = normals;
-        let point = |k: usize| {
-            let pixel = [k % columns, k / columns].map(|place| (place * step_px) as isize);
-            let normal = (!x[k].is_nan()).then(|| [x[k], y[k], z[k]])?;
-            Some(SurfacePoint { normal: Some(normal), ..surface.at(pixel[0], pixel[1])? })
-        };
-        sampled.points.clear();
-        sampled.points.extend((0..columns * rows).filter_map(point));
-        sampled.step_px = step_px;
-        sampled.centre = surface.centre();
+        compute(Level::in_use(), points, &mut self.windows, normals);
     }
 }
 
-/// Computes the normals of every `step_px`-th column and row. `normals` are planes of these columns and rows; a pixel
-/// without a normal gets NaN.
-fn compute_at(
-    level: Level,
-    points: &PointPlanes,
-    step_px: usize,
-    windows: &mut Vec<Window>,
-    normals: &mut [Vec<f32>; 3],
-) {
-    let [columns, rows] = points.size_px.map(|side| side.div_ceil(step_px));
+/// Computes the planes of normals; a pixel without a normal gets NaN.
+fn compute(level: Level, points: &PointImage, windows: &mut Vec<Window>, normals: &mut [Vec<f32>; 3]) {
+    let [columns, rows] = points.size_px;
     if columns * rows == 0 {
         return;
     }
@@ -83,10 +49,10 @@ fn compute_at(
     let [x, y, z] = normals.each_mut().map(|plane| plane.par_chunks_mut(rows_per_thread * columns));
     let parts = (x, y, z, windows.par_iter_mut()).into_par_iter().enumerate();
     parts.for_each(|(part, (x, y, z, window))| {
-        window.arrange(points.size_px, step_px);
+        window.arrange(points.size_px);
         let mut rows = x.chunks_mut(columns).zip(y.chunks_mut(columns)).zip(z.chunks_mut(columns));
         for (k, ((x, y), z)) in rows.by_ref().enumerate() {
-            window.move_to(points, (part * rows_per_thread + k) * step_px);
+            window.move_to(points, part * rows_per_thread + k);
             fringeflow_simd::run(level, Row { window, normals: [x, y, z] });
         }
     });
@@ -143,8 +109,9 @@ impl Square<'_> {
         }
         let mut used = [has_point; COUNT];
         let noise = load(l, &self.window.noise, self.starts[0] + self.first);
-        let (first, has_first) = self.connected(l, centre, noise, &mut used).plane(l);
-        let (plane, has_plane) = self.fitting(l, centre, noise, &first, &used).plane(l);
+        let connected = self.connected(l, centre, noise, &mut used);
+        let (first, has_first) = connected.plane(l);
+        let (plane, has_plane) = self.fitting(l, centre, noise, &first, &used, connected).plane(l);
         // `n/d`, its length, and the length of the ray.
         let Plane { at_middle, slope: [a, b] } = plane;
         let here = l.add_real(w, at_middle);
@@ -182,7 +149,8 @@ impl Square<'_> {
         moments
     }
 
-    /// Returns the moments of the used offsets whose inverse depth fits a plane within noise and bend.
+    /// Returns the moments of the used offsets whose inverse depth fits a plane within noise and bend. `moments` are
+    /// those of all used offsets: few of them do not fit.
     #[inline(always)]
     fn fitting<L: Lanes>(
         &self,
@@ -191,16 +159,19 @@ impl Square<'_> {
         noise: L::Reals,
         plane: &Plane<L>,
         used: &[L::Mask; COUNT],
+        mut moments: Moments<L>,
     ) -> Moments<L> {
         let bend = square(l, l.times_real(l.real(MAX_DEVIATION * MAX_BEND), centre[2]));
         let [a, b] = plane.slope;
-        let mut moments = Moments::zero(l);
         for (i, &used) in used.iter().enumerate() {
             let off @ [x, y, w] = difference(l, self.at(l, i), centre);
             let expected = l.add_real(plane.at_middle, l.add_real(l.times_real(a, x), l.times_real(b, y)));
             let distance = l.add_real(square(l, x), square(l, y));
             let limit = l.add_real(noise, l.times_real(bend, distance));
-            moments.add(l, l.and(used, l.is_at_least_real(limit, square(l, l.sub_real(expected, w)))), off);
+            let misfits = l.and(used, l.is_greater_real(square(l, l.sub_real(expected, w)), limit));
+            if l.any(misfits) {
+                moments.remove(l, misfits, off);
+            }
         }
         moments
     }
@@ -253,25 +224,35 @@ impl<L: Lanes> Moments<L> {
 
     /// Adds a sample, relative to the centre, where it is used.
     #[inline(always)]
-    fn add(&mut self, l: L, used: L::Mask, [x, y, w]: Sample<L>) {
+    fn add(&mut self, l: L, used: L::Mask, sample: Sample<L>) {
+        let terms = Self::terms(l, used, sample);
+        for (sum, term) in self.0.iter_mut().zip(terms) {
+            *sum = l.add_real(*sum, term);
+        }
+    }
+
+    /// Takes a sample away again.
+    #[inline(always)]
+    fn remove(&mut self, l: L, unused: L::Mask, sample: Sample<L>) {
+        let terms = Self::terms(l, unused, sample);
+        for (sum, term) in self.0.iter_mut().zip(terms) {
+            *sum = l.sub_real(*sum, term);
+        }
+    }
+
+    /// The terms of a sample where it counts, and 0 elsewhere.
+    #[inline(always)]
+    fn terms(l: L, counts: L::Mask, sample: Sample<L>) -> [L::Reals; 9] {
         let zero = l.real(0.0);
-        let (x, y, w) = (l.select_real(used, x, zero), l.select_real(used, y, zero), l.select_real(used, w, zero));
-        let Self([count, sum_x, sum_y, sum_w, xx, xy, yy, xw, yw]) = self;
-        *count = l.add_real(*count, l.select_real(used, l.real(1.0), zero));
-        *sum_x = l.add_real(*sum_x, x);
-        *sum_y = l.add_real(*sum_y, y);
-        *sum_w = l.add_real(*sum_w, w);
-        *xx = l.add_real(*xx, square(l, x));
-        *xy = l.add_real(*xy, l.times_real(x, y));
-        *yy = l.add_real(*yy, square(l, y));
-        *xw = l.add_real(*xw, l.times_real(x, w));
-        *yw = l.add_real(*yw, l.times_real(y, w));
+        let [x, y, w] = sample.map(|value| l.select_real(counts, value, zero));
+        let one = l.select_real(counts, l.real(1.0), zero);
+        [one, x, y, w, square(l, x), l.times_real(x, y), square(l, y), l.times_real(x, w), l.times_real(y, w)]
     }
 
     /// Returns the least-squares planes, and a mask where they exist: not for too few samples or samples on a line.
     #[inline(always)]
-    fn plane(self, l: L) -> (Plane<L>, L::Mask) {
-        let Self([count, x, y, w, xx, xy, yy, xw, yw]) = self;
+    fn plane(&self, l: L) -> (Plane<L>, L::Mask) {
+        let [count, x, y, w, xx, xy, yy, xw, yw] = self.0;
         let per_sample = l.over_real(l.real(1.0), count);
         let (mean_x, mean_y) = (l.times_real(x, per_sample), l.times_real(y, per_sample));
         let xx = l.sub_real(xx, l.times_real(x, mean_x));
@@ -351,29 +332,26 @@ mod tests {
     }
 
     #[test]
-    fn every_level_and_every_step_has_the_same_bits() {
+    fn every_level_has_the_same_bits() {
         // A width that is not a multiple of the lanes, and missing points.
         let camera = camera_of([77, 53]);
         let cloud = cloud_of(&camera, 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
         let mut surface = OrganizedSurface::default();
         surface.organize(&cloud.points, [77, 53]);
-        let mut normals: [Vec<f32>; 3] = Default::default();
-        normals.iter_mut().for_each(|plane| plane.resize(77 * 53, 0.0));
-        compute_at(Level::Portable, &surface.points, 1, &mut Vec::new(), &mut normals);
-        surface.normals = normals;
-        let all = points(&surface);
-        let mut scratch = Normals::default();
-        for step_px in [1_usize, 2, 3, 5, 7, 8] {
-            let is_sampled = |p: &&SurfacePoint| {
-                p.normal.is_some() && p.cam1_px.iter().all(|place| usize::from(*place).is_multiple_of(step_px))
-            };
-            let expected: Vec<SurfacePoint> = all.iter().filter(is_sampled).copied().collect();
-            assert!(expected.len() > 5);
-            for level in Level::ALL {
-                let mut sampled = SampledPoints::default();
-                scratch.sample_at(level, &surface, surface.count().div_ceil(step_px * step_px), &mut sampled);
-                assert!(sampled.step_px == step_px && sampled.points == expected, "{level:?}, step {step_px}");
-            }
+        let bits_of = |level| {
+            let mut normals: [Vec<f32>; 3] = Default::default();
+            normals.iter_mut().for_each(|plane| plane.resize(77 * 53, 0.0));
+            compute(level, &surface.points, &mut Vec::new(), &mut normals);
+            let none = normals[0].iter().map(|x| x.is_nan());
+            let bits = normals.iter().map(|plane| plane.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
+            // The other components of a pixel without a normal mean nothing.
+            let keep = none.clone().map(|none| if none { 0 } else { u32::MAX }).collect::<Vec<_>>();
+            bits.map(|plane| plane.iter().zip(&keep).map(|(x, keep)| x & keep).collect::<Vec<_>>()).collect::<Vec<_>>()
+        };
+        let expected = bits_of(Level::Portable);
+        assert!(expected[2].iter().filter(|&&bits| bits != 0).count() > 1000);
+        for level in Level::ALL {
+            assert_eq!(bits_of(level), expected, "{level:?}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A surface seen by camera 1: at most one point per pixel, with its normal where the surface is smooth.
 //!
-//! Each property is a plane of the image, so that a step reads only what it needs. A surface keeps its memory from
-//! cloud to cloud.
+//! What every step needs of a pixel lies together; the other properties are planes of the image. A surface keeps its
+//! memory from cloud to cloud.
 
 use std::borrow::Borrow;
 
@@ -42,38 +42,26 @@ pub(crate) fn point_of([x, y, z]: [f32; 3]) -> Point3 {
     Point3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
-/// The points of an image of camera 1, as planes of the image, row by row. A pixel without a point has the depth NaN,
-/// and its other values mean nothing.
+/// A pixel: position in the frame of C1, x, y, z, and standard deviation along the ray, metres. Without a point, z is
+/// NaN, and the others mean nothing.
+pub(super) type MeasuredPixel = [f32; 4];
+
+/// The points of an image of camera 1, row by row.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PointPlanes {
+pub(super) struct PointImage {
     pub(super) size_px: [usize; 2],
-    /// Position, frame of C1, metres.
-    pub(super) position_m: [Vec<f32>; 3],
-    /// Standard deviation along the ray, metres.
-    pub(super) sigma_m: Vec<f32>,
+    pub(super) pixels: Vec<MeasuredPixel>,
     intensity: Vec<u8>,
 }
 
 /// The points of a surface, addressed by their pixel of C1.
 #[derive(Clone, Debug, Default)]
 pub struct OrganizedSurface {
-    pub(super) points: PointPlanes,
+    pub(super) points: PointImage,
     /// Unit normals towards C1; the first component is NaN if there is none.
     pub(super) normals: [Vec<f32>; 3],
     count: usize,
     centre: Point3,
-}
-
-/// A surface that others are registered to, as camera 1 sees it.
-pub trait Reference: Sync {
-    /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
-    fn at(&self, column: isize, row: isize) -> Option<SurfacePoint>;
-}
-
-impl Reference for OrganizedSurface {
-    fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
-        self.point(self.index(column, row)?, [column as u16, row as u16])
-    }
 }
 
 impl OrganizedSurface {
@@ -85,15 +73,14 @@ impl OrganizedSurface {
         self.clear(size_px);
         let [width, height] = size_px;
         let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
-        let PointPlanes { position_m: [x, y, z], sigma_m, intensity, .. } = &mut self.points;
+        let PointImage { pixels, intensity, .. } = &mut self.points;
         for point in cloud {
             let CloudPoint { position_m, cam1_px, sigma_m: sigma, intensity: grey, .. } = *point.borrow();
             let [u, v] = [usize::from(cam1_px[0]), usize::from(cam1_px[1])];
             let is_measured = position_m[2] > 0.0 && sigma.is_finite();
             if u < width && v < height && is_measured {
-                let index = v * width + u;
-                [x[index], y[index], z[index]] = position_m;
-                (sigma_m[index], intensity[index]) = (sigma, grey);
+                let ([x, y, z], index) = (position_m, v * width + u);
+                (pixels[index], intensity[index]) = ([x, y, z, sigma], grey);
                 count += 1;
                 sum += point_of(position_m).coords;
             }
@@ -107,8 +94,8 @@ impl OrganizedSurface {
         let pixels = size_px[0] * size_px[1];
         let Self { points, normals, .. } = self;
         points.size_px = size_px;
-        points.position_m.iter_mut().chain([&mut points.sigma_m]).for_each(|plane| plane.resize(pixels, f32::NAN));
-        points.position_m[2].fill(f32::NAN);
+        points.pixels.clear();
+        points.pixels.resize(pixels, [f32::NAN; 4]);
         points.intensity.resize(pixels, 0);
         normals.iter_mut().for_each(|plane| plane.resize(pixels, f32::NAN));
         normals[0].fill(f32::NAN);
@@ -127,14 +114,20 @@ impl OrganizedSurface {
     }
 
     /// All depths, row by row, metres; NaN for pixels without a point.
-    pub(crate) fn depths_m(&self) -> &[f32] {
-        &self.points.position_m[2]
+    pub(crate) fn depths_m(&self) -> impl Iterator<Item = f32> {
+        self.points.pixels.iter().map(|&[_, _, depth_m, _]| depth_m)
+    }
+
+    /// Returns the point of a pixel, or `None` if the pixel has none or is outside the image.
+    #[inline]
+    pub(crate) fn at(&self, column: isize, row: isize) -> Option<SurfacePoint> {
+        self.point(self.index(column, row)?, [column as u16, row as u16])
     }
 
     /// Number of points with a normal.
     pub(crate) fn normal_count(&self) -> usize {
-        let has_normal = |(depth, normal): &(&f32, &f32)| !depth.is_nan() && !normal.is_nan();
-        self.depths_m().iter().zip(&self.normals[0]).filter(has_normal).count()
+        let has_normal = |(depth, normal): &(f32, &f32)| !depth.is_nan() && !normal.is_nan();
+        self.depths_m().zip(&self.normals[0]).filter(has_normal).count()
     }
 
     /// Iterates over the points of a row, from left to right.
@@ -145,8 +138,21 @@ impl OrganizedSurface {
 
     /// Returns the depth of a pixel, metres, or `None` if the pixel has no point or is outside the image.
     pub(crate) fn depth_at(&self, column: isize, row: isize) -> Option<f32> {
-        let depth_m = self.depths_m()[self.index(column, row)?];
-        (!depth_m.is_nan()).then_some(depth_m)
+        self.measured_at(column, row).map(|[_, _, depth_m, _]| depth_m)
+    }
+
+    /// Returns position and standard deviation of a pixel, as [`Self::at`], but reads no more than them.
+    #[inline]
+    pub(super) fn measured_at(&self, column: isize, row: isize) -> Option<MeasuredPixel> {
+        let pixel @ [_, _, depth_m, _] = self.points.pixels[self.index(column, row)?];
+        (!depth_m.is_nan()).then_some(pixel)
+    }
+
+    /// Starts to load what [`Self::measured_at`] reads into the cache.
+    pub(super) fn prefetch(&self, [column, row]: [isize; 2]) {
+        if let Some(index) = self.index(column, row) {
+            fringeflow_simd::prefetch(&self.points.pixels, index);
+        }
     }
 
     fn index(&self, column: isize, row: isize) -> Option<usize> {
@@ -157,13 +163,13 @@ impl OrganizedSurface {
 
     #[inline]
     fn point(&self, index: usize, cam1_px: [u16; 2]) -> Option<SurfacePoint> {
-        let PointPlanes { position_m: [x, y, z], sigma_m, intensity, .. } = &self.points;
+        let [x, y, z, sigma_m] = self.points.pixels[index];
         let [a, b, c] = &self.normals;
-        (!z[index].is_nan()).then(|| SurfacePoint {
-            position_m: [x[index], y[index], z[index]],
+        (!z.is_nan()).then(|| SurfacePoint {
+            position_m: [x, y, z],
             normal: (!a[index].is_nan()).then(|| [a[index], b[index], c[index]]),
-            sigma_m: sigma_m[index],
-            intensity: intensity[index],
+            sigma_m,
+            intensity: self.points.intensity[index],
             cam1_px,
         })
     }

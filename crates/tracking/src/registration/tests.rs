@@ -67,9 +67,7 @@ pub(crate) fn sample_of(
     seed: u64,
     meet: impl Fn(&Vector3) -> Option<Point3>,
 ) -> SampledPoints {
-    let mut sampled = SampledPoints::default();
-    Normals::default().sample(&surface_of(camera, sigma_m, seed, meet), usize::MAX, &mut sampled);
-    sampled
+    SampledPoints::of_surface(&surface_of(camera, sigma_m, seed, meet), usize::MAX)
 }
 
 /// All points of a surface, row by row.
@@ -107,8 +105,8 @@ fn error(found: &Pose, truth: &Pose) -> Vector6<f64> {
 
 fn registered(camera: &Camera, sigma_m: f64, seed: u64) -> Registration {
     let truth = motion();
-    let reference = surface_of(camera, sigma_m, 2 * seed, bowl);
-    let moved = sample_of(camera, sigma_m, 2 * seed + 1, |ray| hills(&truth, 0.004, ray));
+    let reference = sample_of(camera, sigma_m, 2 * seed, bowl);
+    let moved = surface_of(camera, sigma_m, 2 * seed + 1, |ray| hills(&truth, 0.004, ray));
     register(camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap()
 }
 
@@ -148,8 +146,8 @@ fn errors_shared_by_neighbours_are_not_independent() {
     let (trials, mut sum) = (24, 0.0);
     for k in 0..trials {
         let phase = f64::from(k) * 0.26;
-        let reference = surface_of(&camera, 1e-5, 1, rippled(Pose::identity(), 0.0));
-        let moved = sample_of(&camera, 1e-5, 2, rippled(motion(), phase));
+        let reference = sample_of(&camera, 1e-5, 1, rippled(Pose::identity(), 0.0));
+        let moved = surface_of(&camera, 1e-5, 2, rippled(motion(), phase));
         let found = register(&camera, &reference, &moved, &Pose::identity(), &RegistrationSettings::default()).unwrap();
         let e = error(&found.reference_from_moved, &motion());
         sum += e.dot(&(found.covariance.0.try_inverse().unwrap() * e)) / 6.0;
@@ -162,7 +160,7 @@ fn errors_shared_by_neighbours_are_not_independent() {
 fn a_plane_is_degenerate() {
     let camera = camera_of([160, 128]);
     let plane = |ray: &Vector3| hills(&Pose::identity(), 0.0, ray);
-    let (flat, moved) = (surface_of(&camera, 2e-5, 1, plane), sample_of(&camera, 2e-5, 2, plane));
+    let (flat, moved) = (sample_of(&camera, 2e-5, 1, plane), surface_of(&camera, 2e-5, 2, plane));
     let lost = register(&camera, &flat, &moved, &Pose::identity(), &RegistrationSettings::default());
     assert!(matches!(lost, Err(Lost::Degenerate { .. })), "{lost:?}");
 }
@@ -170,23 +168,23 @@ fn a_plane_is_degenerate() {
 #[test]
 fn a_distant_surface_has_no_partners() {
     let camera = camera();
-    let (reference, moved) = (surface_of(&camera, 2e-5, 1, bowl), sample_of(&camera, 2e-5, 2, bowl));
+    let (reference, moved) = (sample_of(&camera, 2e-5, 1, bowl), surface_of(&camera, 2e-5, 2, bowl));
     let settings = RegistrationSettings::default();
     let far = Pose::translation(0.0, 0.0, 0.05);
     let lost = register(&camera, &reference, &moved, &far, &settings);
     assert!(matches!(lost, Err(Lost::TooFewInCommon { .. })), "{lost:?}");
-    let nothing = register(&camera, &reference, &SampledPoints::default(), &far, &settings);
+    let nothing = register(&camera, &reference, &OrganizedSurface::default(), &Pose::identity(), &settings);
     assert!(matches!(nothing, Err(Lost::TooFewInCommon { .. })), "{nothing:?}");
-    let none = register(&camera, &OrganizedSurface::default(), &moved, &Pose::identity(), &settings);
+    let none = register(&camera, &SampledPoints::default(), &moved, &Pose::identity(), &settings);
     assert!(matches!(none, Err(Lost::TooFewInCommon { .. })), "{none:?}");
 }
 
 #[test]
 fn another_surface_is_refused() {
     let camera = camera_of([160, 128]);
-    let reference = surface_of(&camera, 2e-5, 1, bowl);
+    let reference = sample_of(&camera, 2e-5, 1, bowl);
     // Hills that are lower by a third.
-    let other = sample_of(&camera, 2e-5, 2, |ray| hills(&Pose::identity(), 0.0027, ray));
+    let other = surface_of(&camera, 2e-5, 2, |ray| hills(&Pose::identity(), 0.0027, ray));
     let settings = RegistrationSettings { max_rms_share: 2e-4, ..RegistrationSettings::default() };
     let lost = register(&camera, &reference, &other, &Pose::identity(), &settings);
     assert!(matches!(lost, Err(Lost::ResidualTooLarge { .. } | Lost::TooFewInCommon { .. })), "{lost:?}");

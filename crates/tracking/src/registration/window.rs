@@ -1,8 +1,8 @@
-//! The rows around one row of an image, arranged for the computation of normals: the wanted columns side by side.
+//! The rows around one row of an image, arranged for the computation of normals.
 
 use fringeflow_simd::LANES;
 
-use super::surface::PointPlanes;
+use super::surface::PointImage;
 
 /// Pixels to each side of the centre that a plane is fitted to.
 const REACH_PX: usize = 3;
@@ -60,17 +60,10 @@ const fn index_of(offsets: &[Offset; COUNT], count: usize, [column, row]: [isize
 }
 
 /// The rows around one row of an image, as arrays of numbers. NaN marks pixels without a point, as outside the image.
-///
-/// The columns whose normals are wanted lie side by side, so that a kernel computes 32 of them at once; so do the
-/// columns beside them: columns of one remainder by the step form a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Window {
     size_px: [usize; 2],
-    step_px: usize,
-    /// Remainders by the step of the columns that are read.
-    remainders: Vec<usize>,
-    /// Length of a run, and of a row of runs.
-    run: usize,
+    /// Length of a row, with a margin on both sides.
     stride: usize,
     /// The image rows that the arrays hold, each counted from [`REACH_PX`] rows above the image, at its number modulo
     /// [`SIDE`].
@@ -86,22 +79,14 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Arranges the arrays for an image and a step. They then hold no row.
-    pub(super) fn arrange(&mut self, size_px: [usize; 2], step_px: usize) {
+    /// Arranges the arrays for an image. They then hold no row.
+    pub(super) fn arrange(&mut self, size_px: [usize; 2]) {
         self.held = [None; SIDE];
-        if (self.size_px, self.step_px) == (size_px, step_px) {
+        if self.size_px == size_px {
             return;
         }
-        (self.size_px, self.step_px) = (size_px, step_px);
-        self.remainders.clear();
-        for column in -(REACH_PX as isize)..=REACH_PX as isize {
-            let remainder = column.rem_euclid(step_px as isize) as usize;
-            if !self.remainders.contains(&remainder) {
-                self.remainders.push(remainder);
-            }
-        }
-        self.run = size_px[0].div_ceil(step_px).next_multiple_of(LANES) + 2 * REACH_PX;
-        self.stride = self.run * self.remainders.len();
+        self.size_px = size_px;
+        self.stride = size_px[0].next_multiple_of(LANES) + 2 * REACH_PX;
         let Self { rays: [x, y], inverse_depth, noise, .. } = self;
         for plane in [x, y, inverse_depth, noise] {
             plane.clear();
@@ -110,7 +95,7 @@ impl Window {
     }
 
     /// Moves the window to a row of the image.
-    pub(super) fn move_to(&mut self, points: &PointPlanes, row: usize) {
+    pub(super) fn move_to(&mut self, points: &PointImage, row: usize) {
         self.middle = row;
         for above in row..row + SIDE {
             if self.held[above % SIDE] != Some(above) {
@@ -121,47 +106,33 @@ impl Window {
     }
 
     /// Reads the row `above - REACH_PX` of the image, which may lie outside.
-    fn fill(&mut self, points: &PointPlanes, above: usize) {
+    fn fill(&mut self, points: &PointImage, above: usize) {
         let [width, height] = self.size_px;
         let slot = (above % SIDE) * self.stride;
         let Some(row) = above.checked_sub(REACH_PX).filter(|&row| row < height) else {
             self.inverse_depth[slot..][..self.stride].fill(f32::NAN);
             return;
         };
-        let columns = row * width..(row + 1) * width;
-        let [x, y, z] = points.position_m.each_ref().map(|plane| &plane[columns.clone()]);
-        let sigma_m = &points.sigma_m[columns];
-        for (place, &remainder) in self.remainders.iter().enumerate() {
-            let first = slot + place * self.run + REACH_PX;
-            let columns = (remainder..width).step_by(self.step_px);
-            let count = columns.len();
-            let [rho, eta] = self.rays.each_mut().map(|plane| &mut plane[first..][..count]);
-            let inverse = &mut self.inverse_depth[first..][..count];
-            for (k, u) in columns.enumerate() {
-                let inverse_depth = 1.0 / z[u];
-                rho[k] = x[u] * inverse_depth;
-                eta[k] = y[u] * inverse_depth;
-                inverse[k] = inverse_depth;
-            }
-        }
-        // Of the noise, only that of wanted columns is read; their run is the one of the remainder 0.
-        let place = self.remainders.iter().position(|&remainder| remainder == 0).unwrap_or_default();
-        let first = slot + place * self.run + REACH_PX;
-        for (k, u) in (0..width).step_by(self.step_px).enumerate() {
-            let inverse_depth = self.inverse_depth[first + k];
-            let deviation = MAX_DEVIATION * sigma_m[u] * inverse_depth * inverse_depth;
-            self.noise[first + k] = deviation * deviation;
+        let pixels = &points.pixels[row * width..][..width];
+        let first = slot + REACH_PX;
+        let [rho, eta] = self.rays.each_mut().map(|plane| &mut plane[first..][..width]);
+        let inverse = &mut self.inverse_depth[first..][..width];
+        let noise = &mut self.noise[first..][..width];
+        for (u, [x, y, z, sigma_m]) in pixels.iter().enumerate() {
+            let inverse_depth = 1.0 / z;
+            rho[u] = x * inverse_depth;
+            eta[u] = y * inverse_depth;
+            inverse[u] = inverse_depth;
+            let deviation = MAX_DEVIATION * sigma_m * inverse_depth * inverse_depth;
+            noise[u] = deviation * deviation;
         }
     }
 
-    /// Returns for each pixel of the square the index in the arrays that belongs to the first column with a normal.
+    /// Returns for each pixel of the square the index in the arrays that belongs to the first column.
     pub(super) fn starts(&self) -> [usize; COUNT] {
         OFFSETS.map(|Offset { column, row, .. }| {
             let slot = (self.middle + REACH_PX).wrapping_add_signed(row) % SIDE;
-            let step_px = self.step_px as isize;
-            let remainder = column.rem_euclid(step_px) as usize;
-            let place = self.remainders.iter().position(|&r| r == remainder).unwrap_or_default();
-            (slot * self.stride + place * self.run + REACH_PX).wrapping_add_signed(column.div_euclid(step_px))
+            (slot * self.stride + REACH_PX).wrapping_add_signed(column)
         })
     }
 }
