@@ -4,9 +4,6 @@ use fringeflow::geometry::{Camera, Pose};
 
 use crate::registration::{OrganizedSurface, Registration, RegistrationSettings, SampledPoints, register};
 
-/// Minimum share of the points of the first cloud with a partner in the last. With fewer, the scan has not returned.
-const MIN_SHARE: f64 = 0.5;
-
 /// Registration of the last cloud directly to the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closure {
@@ -28,8 +25,8 @@ impl Closure {
         first_from_last: &Pose,
         settings: &RegistrationSettings,
     ) -> Option<Self> {
-        let settings = RegistrationSettings { min_share: MIN_SHARE, ..*settings };
-        let direct = register(camera, first, last, first_from_last, &settings).ok()?;
+        // If too few points of the first have a partner in the last, the scan has not returned.
+        let direct = register(camera, first, last, first_from_last, settings).ok()?;
         let centre = last.centre();
         Some(Self {
             direct,

@@ -9,6 +9,8 @@ use fringeflow::geometry::{Camera, Point3, Pose};
 use super::surface::{OrganizedSurface, point_of};
 use super::thinning::ReferencePoint;
 
+/// Minimum cosine between the normals of paired points, 45°.
+const MIN_NORMAL_COSINE: f64 = 0.7;
 /// Minimum cosine between ray and normal when converting noise along the ray to noise across the surface. At flatter
 /// angles, other errors exceed the noise.
 const MIN_COSINE: f64 = 0.2;
@@ -86,7 +88,10 @@ impl Association<'_> {
         let [x, y, z, sigma_m] = self.moved.measured_at(column, row)?;
         let position = reference_from_moved * point_of([x, y, z]);
         let (off, normal) = (position - point.position(), point.normal());
-        if off.norm_squared() > self.reach_m * self.reach_m {
+        let own_normal = reference_from_moved.rotation * self.moved.rough_normal(column, row)?;
+        let is_near = off.norm_squared() <= self.reach_m * self.reach_m;
+        let is_alike = own_normal.dot(&normal) >= MIN_NORMAL_COSINE * own_normal.norm();
+        if !(is_near && is_alike) {
             return None;
         }
         let ray = position.coords - reference_from_moved.translation.vector;

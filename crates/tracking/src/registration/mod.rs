@@ -3,11 +3,10 @@
 //! In: [`SampledPoints`] of a reference, an [`OrganizedSurface`] in the frame of camera 1 at its time, and a rough pose
 //! between them. Out: a [`Registration`] with the pose, its covariance and its quality, or [`Lost`] with a reason. Each
 //! point of the reference is projected with the pose into the image of C1 that shows the surface, and is paired with
-//! the point at that pixel (Blais and Levine 1995, "Registering multiview range data to create 3D
-//! computer objects"). So no search tree is needed, and the reference is drawn nowhere. The distances from the planes of
-//! the reference are minimized (Chen and
-//! Medioni 1992, "Object modelling by registration of multiple range images"). They are weighted by predicted noise and
-//! by a robust estimator. The number of points grows from level to level.
+//! the point at that pixel (Blais and Levine 1995, "Registering multiview range data to create 3D computer objects"). So
+//! no search tree is needed, and the reference is drawn nowhere. The distances from the planes of the reference are
+//! minimized (Chen and Medioni 1992, "Object modelling by registration of multiple range images"). They are weighted by
+//! predicted noise and by a robust estimator. The number of points grows from level to level.
 //!
 //! Normals cost about 0.1 µs per point; a registration of 8,000 points costs 9 ms of one core. Sums run over fixed
 //! tiles of the image and are added in order, so the same input gives the same bits for any number of threads.

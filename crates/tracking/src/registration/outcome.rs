@@ -14,7 +14,7 @@ pub struct RegistrationSettings {
     pub points: usize,
     /// Minimum number of point pairs.
     pub min_associated: usize,
-    /// Minimum share of the tried points with a partner.
+    /// Minimum share of the tried points with a partner. They lie where the surface has points, so most should have one.
     pub min_share: f64,
     /// Maximum root mean square of the residuals.
     pub max_rms_share: f64,
@@ -28,7 +28,7 @@ impl Default for RegistrationSettings {
             reach_share: 0.016,
             points: 8_000,
             min_associated: 150,
-            min_share: 0.25,
+            min_share: 0.5,
             max_rms_share: 5e-4,
             min_eigenvalue: 3e-4,
         }
