@@ -13,8 +13,9 @@
 //! measurements at its place. A measurement beside no surfel makes a new one. Surfels that later clouds contradict or
 //! never confirm are removed. There are no voxels: the model is as fine as the images.
 //!
-//! The cost is 0.04 s of one core for a cloud of 60,000 points and a model of 110,000 surfels. The same clouds give the same model
-//! to the bit for any number of threads: surfels take their measurements independently, and new ones are made in order.
+//! The cost is 0.1 s of one core for a cloud of 340,000 points and a model of 440,000 surfels, and a fifth of that if the
+//! cloud is not merged. The same clouds give the same model to the bit for any number of threads: surfels take their
+//! measurements independently, and new ones are made in order.
 
 mod clean;
 mod closure;
