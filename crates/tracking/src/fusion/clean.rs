@@ -17,12 +17,14 @@ const MIN_CONTRADICTIONS: u32 = 3;
 /// A surfel is unconfirmed if this multiple of the wanted number of clouds could have measured it.
 const OPPORTUNITIES: u32 = 4;
 
-/// What a cloud shows about a surfel that it did not measure.
+/// What a cloud shows about a surfel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
+    /// The cloud measured the surfel.
+    Measured,
     /// Nothing: the surfel is hidden, or at an edge.
     NotVisible,
-    /// The cloud could have measured the surfel.
+    /// The cloud could have measured the surfel, but did not.
     Visible,
     /// The cloud measured a surface behind the surfel.
     Contradicted,
@@ -33,7 +35,7 @@ pub(super) fn is_wrong(surfel: &Surfel, min_support: u32) -> bool {
     is_contradicted(surfel) || is_unconfirmed(surfel, min_support)
 }
 
-/// Returns what a cloud shows about a projected surfel. `map` shows the surfels before the merge.
+/// Returns what a cloud shows about a projected surfel that it did not measure. `map` shows the surfels before the merge.
 pub(super) fn verdict(map: &DepthMap, surface: &OrganizedSurface, seen: &Projection) -> Verdict {
     if map.is_hidden(seen) { Verdict::NotVisible } else { verdict_from_pixels(surface, seen) }
 }

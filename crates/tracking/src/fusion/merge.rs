@@ -1,16 +1,17 @@
 //! Merges the points of a cloud into the surfels that they measure, and makes surfels of the others.
 //!
-//! Each surfel takes the nearest of the points beside it in the image that fit its plane. So surfels are independent of
-//! each other, and are visited in the order in which they lie in memory.
+//! Each point belongs to the nearest of the surfels beside it in the image whose plane it fits. A surfel that others keep
+//! from all points is never confirmed and goes: so a model is no denser than the images. Surfels claim their points in any
+//! order, and are visited in the order in which they lie in memory.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use nalgebra::IsometryMatrix3;
 use rayon::prelude::*;
 
 use crate::registration::{OrganizedSurface, PoseCovariance, SurfacePoint};
 
-use super::clean::verdict;
+use super::clean::{Verdict, verdict};
 use super::depth_map::{DepthMap, Projection};
 use super::surfel::{Measurement, Surfel};
 
@@ -52,15 +53,8 @@ impl Placement {
         })
     }
 
-    /// Returns the point that measures a surfel: of those beside it that fit its plane, the nearest in the image.
-    /// Marks all of them as covered.
-    fn point_of(
-        &self,
-        surfel: &Surfel,
-        seen: &Projection,
-        surface: &OrganizedSurface,
-        covered: &[AtomicBool],
-    ) -> Option<SurfacePoint> {
+    /// Claims the points beside a surfel that fit its plane.
+    fn claim(&self, surfel: &Surfel, index: usize, seen: &Projection, surface: &OrganizedSurface, claims: &Claims) {
         let (position, normal) =
             (self.cam1_from_model * surfel.position(), self.cam1_from_model.rotation * surfel.normal());
         let fits = |point: &SurfacePoint| {
@@ -71,49 +65,90 @@ impl Placement {
             let pixel_m2 = (SAME_PLANE_PX * self.pixel_per_m).powi(2) * point.position().coords.norm_squared();
             normal.dot(&own_normal) >= MIN_NORMAL_COSINE && distance_m * distance_m <= noise_m2.max(pixel_m2)
         };
-        let [left, top] = seen.pixel_before();
-        let beside = [[left, top], [left + 1, top], [left, top + 1], [left + 1, top + 1]];
-        let (mut nearest, mut nearest_px2) = (None, f32::INFINITY);
-        for [column, row] in beside {
-            let off_px2 = seen.square_distance([column as f32, row as f32]);
-            if off_px2 >= SAME_PLACE_PX * SAME_PLACE_PX {
-                continue;
-            }
-            let Some(point) = surface.at(column, row).filter(fits) else { continue };
-            covered[row as usize * surface.size_px()[0] + column as usize].store(true, Ordering::Relaxed);
-            if off_px2 < nearest_px2 {
-                (nearest, nearest_px2) = (Some(point), off_px2);
+        for (off_px2, [column, row]) in beside(seen) {
+            if surface.at(column, row).is_some_and(|point| fits(&point)) {
+                claims.at(column, row).fetch_min(claim(off_px2, index), Ordering::Relaxed);
             }
         }
-        nearest
+    }
+}
+
+/// Returns the pixels beside a surfel, with the squares of their distances.
+fn beside(seen: &Projection) -> impl Iterator<Item = (f32, [isize; 2])> {
+    let [left, top] = seen.pixel_before();
+    let pixels = [[left, top], [left + 1, top], [left, top + 1], [left + 1, top + 1]];
+    let with_distance = pixels.map(|[column, row]| (seen.square_distance([column as f32, row as f32]), [column, row]));
+    with_distance.into_iter().filter(|(off_px2, _)| *off_px2 < SAME_PLACE_PX * SAME_PLACE_PX)
+}
+
+/// The claim of a surfel: the least of a pixel is that of the nearest surfel, of equals that of the first.
+fn claim(off_px2: f32, index: usize) -> u64 {
+    u64::from(off_px2.to_bits()) << 32 | index as u64
+}
+
+/// The least claim to each pixel of an image, or [`UNCLAIMED`]. Its memory lives from cloud to cloud.
+#[derive(Debug, Default)]
+pub(super) struct Claims {
+    width: usize,
+    pixels: Vec<AtomicU64>,
+}
+
+const UNCLAIMED: u64 = u64::MAX;
+
+impl Claims {
+    fn clear(&mut self, [width, height]: [usize; 2]) {
+        self.width = width;
+        self.pixels.clear();
+        self.pixels.resize_with(width * height, || AtomicU64::new(UNCLAIMED));
+    }
+
+    /// The claim to a pixel in the image.
+    fn at(&self, column: isize, row: isize) -> &AtomicU64 {
+        &self.pixels[row as usize * self.width + column as usize]
+    }
+
+    /// Returns the points that belong to a surfel.
+    fn points_of(
+        &self,
+        index: usize,
+        seen: &Projection,
+        surface: &OrganizedSurface,
+    ) -> impl Iterator<Item = SurfacePoint> {
+        beside(seen).filter_map(move |(off_px2, [column, row])| {
+            let point = surface.at(column, row)?;
+            (self.at(column, row).load(Ordering::Relaxed) == claim(off_px2, index)).then_some(point)
+        })
     }
 }
 
 /// Merges a surface into the surfels, and returns the number of new surfels. `map` shows the surfels at the pose of the
-/// cloud. `covered` is a buffer.
+/// cloud. `claims` is a buffer.
 pub(super) fn merge(
     surfels: &mut Vec<Surfel>,
     map: &DepthMap,
     surface: &OrganizedSurface,
     placement: &Placement,
-    covered: &mut Vec<AtomicBool>,
+    claims: &mut Claims,
 ) -> usize {
-    let [width, height] = surface.size_px();
-    covered.clear();
-    covered.resize_with(width * height, AtomicBool::default);
-    surfels.par_iter_mut().enumerate().with_min_len(1024).for_each(|(index, surfel)| {
-        let Some(seen) = map.projection(index) else { return };
-        let measurement = placement.point_of(surfel, seen, surface, covered).and_then(|p| placement.measurement(&p));
-        match measurement {
-            Some(measurement) => surfel.add(&measurement),
-            None => surfel.judge(verdict(map, surface, seen)),
+    claims.clear(surface.size_px());
+    surfels.par_iter().enumerate().with_min_len(1024).for_each(|(index, surfel)| {
+        if let Some(seen) = map.projection(index) {
+            placement.claim(surfel, index, seen, surface, claims);
         }
     });
+    surfels.par_iter_mut().enumerate().with_min_len(1024).for_each(|(index, surfel)| {
+        let Some(seen) = map.projection(index) else { return };
+        let before = surfel.measurements();
+        let measurements = claims.points_of(index, seen, surface).filter_map(|point| placement.measurement(&point));
+        measurements.for_each(|measurement| surfel.add(&measurement));
+        let is_measured = surfel.measurements() > before;
+        surfel.judge(if is_measured { Verdict::Measured } else { verdict(map, surface, seen) });
+    });
     let before = surfels.len();
-    for row in 0..height {
+    for row in 0..surface.size_px()[1] {
         for point in surface.row(row) {
-            let pixel = row * width + usize::from(point.cam1_px[0]);
-            if !*covered[pixel].get_mut() {
+            let [column, row] = point.cam1_px.map(|place| place as isize);
+            if claims.at(column, row).load(Ordering::Relaxed) == UNCLAIMED {
                 surfels.extend(placement.measurement(&point).map(|measurement| Surfel::new(&measurement)));
             }
         }

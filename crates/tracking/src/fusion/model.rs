@@ -1,7 +1,5 @@
 //! The model: surfels, and merging of clouds.
 
-use std::sync::atomic::AtomicBool;
-
 use rayon::prelude::*;
 
 use fringeflow::geometry::{Camera, Point3, Pose, Vector3};
@@ -13,7 +11,7 @@ use crate::registration::{
 
 use super::clean::is_wrong;
 use super::depth_map::{DepthMap, project};
-use super::merge::{Placement, merge};
+use super::merge::{Claims, Placement, merge};
 use super::surfel::Surfel;
 
 /// Changes that a cloud made to the model.
@@ -32,7 +30,7 @@ const AHEAD: usize = 8;
 #[derive(Debug, Default)]
 pub(super) struct FusionScratch {
     map: DepthMap,
-    covered: Vec<AtomicBool>,
+    claims: Claims,
 }
 
 /// Surfels in the frame of C1 at the first cloud.
@@ -121,7 +119,7 @@ impl Model {
         covariance: PoseCovariance,
         excess: f64,
         min_support: u32,
-        FusionScratch { map, covered }: &mut FusionScratch,
+        FusionScratch { map, claims }: &mut FusionScratch,
     ) -> Merged {
         let placement = Placement {
             model_from_cam1: with_matrix(model_from_cam1),
@@ -132,7 +130,7 @@ impl Model {
             cloud: self.clouds.len() as u32,
         };
         map.draw(&self.surfels, camera, &placement.cam1_from_model);
-        let added = merge(&mut self.surfels, map, surface, &placement, covered);
+        let added = merge(&mut self.surfels, map, surface, &placement, claims);
         self.clouds.push((covariance, added as u32));
         Merged { added, removed: self.clean(min_support) }
     }

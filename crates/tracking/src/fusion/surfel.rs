@@ -43,6 +43,7 @@ pub struct Surfel {
     pub contradictions: u32,
     /// Index of the cloud that first measured it, among the merged clouds.
     pub(super) first_cloud: u32,
+    measurements: u32,
 }
 
 impl Surfel {
@@ -58,6 +59,7 @@ impl Surfel {
             seen: 1,
             contradictions: 0,
             first_cloud: m.cloud,
+            measurements: 1,
         }
     }
 
@@ -94,12 +96,17 @@ impl Surfel {
         self.intensity += (f32::from(m.intensity) - self.intensity) * share as f32;
         self.pose_variance += (m.pose_variance as f32 - self.pose_variance) * share as f32;
         self.weight = total as f32;
-        self.support += 1;
-        self.seen += 1;
+        self.measurements += 1;
     }
 
-    /// Counts what a cloud shows that did not measure it.
+    /// Number of measurements; a cloud may have several.
+    pub(super) fn measurements(&self) -> u32 {
+        self.measurements
+    }
+
+    /// Counts what a cloud shows.
     pub(super) fn judge(&mut self, verdict: Verdict) {
+        self.support += u32::from(verdict == Verdict::Measured);
         self.seen += u32::from(verdict != Verdict::NotVisible);
         self.contradictions += u32::from(verdict == Verdict::Contradicted);
     }
@@ -114,7 +121,7 @@ impl Surfel {
     /// scatter more, and the error of the poses of the clouds, which does not shrink with more measurements.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
-        let excess = f64::from(self.scatter) / f64::from(self.support.saturating_sub(1).max(1));
+        let excess = f64::from(self.scatter) / f64::from(self.measurements.saturating_sub(1).max(1));
         (excess.max(1.0) / f64::from(self.weight) + f64::from(self.pose_variance)).sqrt()
     }
 
@@ -157,7 +164,7 @@ mod tests {
         for cloud in 1..16 {
             surfel.add(&Measurement { sigma_m: 1e-3, ..measured(0.3, cloud) });
         }
-        assert_eq!((surfel.support, surfel.seen), (16, 16));
+        assert_eq!((surfel.measurements(), surfel.support), (16, 1), "a cloud counts when it is judged");
         assert!((surfel.sigma_m() - 2.5e-4).abs() < 1e-9, "{}", surfel.sigma_m());
     }
 
