@@ -35,7 +35,8 @@ pub(super) fn is_wrong(surfel: &Surfel, min_support: u32) -> bool {
     is_contradicted(surfel) || is_unconfirmed(surfel, min_support)
 }
 
-/// Returns what a cloud shows about a projected surfel that it did not measure. `map` shows the surfels before the merge.
+/// Returns what a cloud shows about a projected surfel that it did not measure. `map` shows the surfels before the
+/// merge.
 pub(super) fn verdict(map: &DepthMap, surface: &OrganizedSurface, seen: &Projection) -> Verdict {
     if map.is_hidden(seen) { Verdict::NotVisible } else { verdict_from_pixels(surface, seen) }
 }

@@ -274,8 +274,8 @@ impl Tracker {
         Ok((Tracking::Relocalized(found), found))
     }
 
-    /// Registers the surface to the surfels that lie where it has points, at a rough pose. The result may leave part of the pose
-    /// undetermined.
+    /// Registers the surface to the surfels that lie where it has points, at a rough pose. The result may leave part of
+    /// the pose undetermined.
     fn register_at(&self, model_from_cam1: &Pose, settings: &RegistrationSettings) -> Result<Registration, Lost> {
         let Self { camera, model, surface, .. } = self;
         let reference = model.sample(camera, model_from_cam1, surface, self.settings.min_support, settings.points);

@@ -86,12 +86,16 @@ impl Association<'_> {
         reference_from_moved: &IsometryMatrix3<f64>,
     ) -> Option<Pair> {
         let [x, y, z, sigma_m] = self.moved.measured_at(column, row)?;
-        let position = reference_from_moved * point_of([x, y, z]);
+        let moved = point_of([x, y, z]);
+        let position = reference_from_moved * moved;
         let (off, normal) = (position - point.position(), point.normal());
-        let own_normal = reference_from_moved.rotation * self.moved.rough_normal(column, row)?;
-        let is_near = off.norm_squared() <= self.reach_m * self.reach_m;
+        if off.norm_squared() > self.reach_m * self.reach_m {
+            return None;
+        }
+        let own_normal = reference_from_moved.rotation * self.moved.rough_normal([column, row], moved.coords);
+        // A point with too few beside it has the normal 0, which contradicts none.
         let is_alike = own_normal.dot(&normal) >= MIN_NORMAL_COSINE * own_normal.norm();
-        if !(is_near && is_alike) {
+        if !is_alike {
             return None;
         }
         let ray = position.coords - reference_from_moved.translation.vector;

@@ -148,13 +148,12 @@ impl OrganizedSurface {
         (!depth_m.is_nan()).then_some(pixel)
     }
 
-    /// Returns a normal towards C1 from the points two pixels beside a pixel, or from its own in the place of a missing
-    /// one. It has any length, and 0 if too many are missing.
-    pub(super) fn rough_normal(&self, column: isize, row: isize) -> Option<Vector3> {
+    /// Returns a normal towards C1 from the points two pixels beside a pixel, or from its `own` point in the place of a
+    /// missing one. It has any length, and 0 if too many are missing.
+    pub(super) fn rough_normal(&self, [column, row]: [isize; 2], own: Vector3) -> Vector3 {
         let place = |[x, y, z, _]: MeasuredPixel| point_of([x, y, z]).coords;
-        let own = place(self.measured_at(column, row)?);
         let beside = |columns: isize, rows: isize| self.measured_at(column + columns, row + rows).map_or(own, place);
-        Some((beside(0, 2) - beside(0, -2)).cross(&(beside(2, 0) - beside(-2, 0))))
+        (beside(0, 2) - beside(0, -2)).cross(&(beside(2, 0) - beside(-2, 0)))
     }
 
     /// Starts to load what [`Self::measured_at`] reads into the cache.
