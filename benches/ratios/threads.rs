@@ -3,7 +3,8 @@
 //!
 //! Amdahl's law: `T(n) = T(1) · (s + (1 − s) / n)`. The serial share `s` is fitted to the times with several threads,
 //! and no number of threads is faster than `1 / s`. Independent loops show what the machine itself gives now: a chain
-//! cannot do better. Times are wall times, and a ratio compares times of one run.
+//! cannot do better; two windows searched at once, as the correspondence service does where it has many threads, come
+//! nearer to it than one. Times are wall times for a window, and a ratio compares times of one run.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -24,7 +25,7 @@ use super::workers::count;
 /// Numbers of threads, as far as the machine has processors.
 const THREADS: [usize; 5] = [1, 2, 4, 8, 16];
 /// What is measured. The stages come first.
-const ROWS: [&str; 5] = ["phase", "correspondence", "cloud", "all", "independent loops"];
+const ROWS: [&str; 6] = ["phase", "correspondence", "cloud", "all", "correspondence, two at once", "independent loops"];
 const ALL: usize = 3;
 /// Number of independent loops, divisible by all numbers of threads, and steps of each.
 const LOOPS: usize = 16;
@@ -59,35 +60,49 @@ pub(crate) fn measure(bench: &mut Bench, report: &mut Report) {
     report.data("threads", json!({"threads": threads, "rows": rows.iter().map(entry).collect::<Vec<_>>()}));
 }
 
-/// Workers in a pool of threads.
+/// Workers in a pool of threads, and those of a second window.
 struct Chain {
     pool: rayon::ThreadPool,
     workers: Workers,
+    second: (rayon::ThreadPool, Workers),
 }
 
 impl Chain {
     /// Creates workers with one thread for each of these CPUs.
     fn new(easy: &PreparedScene, cpus: &[usize]) -> Self {
-        let own = cpus.to_vec();
-        // Threads inherit the one CPU of this thread, so each takes those of its pool.
-        let pool =
-            rayon::ThreadPoolBuilder::new().num_threads(cpus.len()).start_handler(move |_| processors::pin(&own));
-        Self { pool: pool.build().unwrap(), workers: Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS) }
+        let pool = || {
+            let own = cpus.to_vec();
+            // Threads inherit the one CPU of this thread, so each takes those of its pool.
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(cpus.len()).start_handler(move |_| processors::pin(&own));
+            pool.build().unwrap()
+        };
+        let workers = || Workers::with_table(&easy.scene, Arc::clone(&easy.table), STEPS);
+        Self { pool: pool(), workers: workers(), second: (pool(), workers()) }
     }
 
-    /// Makes the cloud of a window, and runs the loops. Returns the wall time of each row, nanoseconds.
+    /// Makes the cloud of a window, searches two windows at once, and runs the loops. Returns the wall time of each row
+    /// for one window, nanoseconds.
     fn run(&mut self, images: &[Vec<GreyLevels<'_>>; 2], loop_steps: u64) -> [f64; ROWS.len()] {
-        let Self { pool, workers } = self;
-        pool.install(|| {
+        let Self { pool, workers, second: (second_pool, second_workers) } = self;
+        let [phase, correspondence, cloud] = pool.install(|| {
             let phase = measure_time(|| workers.decode(0, images)).wall_ns;
             let correspondence = measure_time(|| workers.search()).wall_ns;
-            let cloud = measure_time(|| _ = black_box(workers.triangulate())).wall_ns;
-            let run_loops = || {
-                let loops = (0..LOOPS).into_par_iter().with_max_len(1);
-                loops.for_each(|_| _ = black_box(count(loop_steps)));
-            };
-            [phase, correspondence, cloud, phase + correspondence + cloud, measure_time(run_loops).wall_ns]
-        })
+            [phase, correspondence, measure_time(|| _ = black_box(workers.triangulate())).wall_ns]
+        });
+        second_pool.install(|| second_workers.decode(0, images));
+        let two = measure_time(|| {
+            std::thread::scope(|scope| {
+                scope.spawn(|| second_pool.install(|| second_workers.search()));
+                pool.install(|| workers.search());
+            });
+        });
+        let run_loops = || {
+            let loops = (0..LOOPS).into_par_iter().with_max_len(1);
+            loops.for_each(|_| _ = black_box(count(loop_steps)));
+        };
+        let loops = pool.install(|| measure_time(run_loops).wall_ns);
+        [phase, correspondence, cloud, phase + correspondence + cloud, two.wall_ns / 2.0, loops]
     }
 }
 
@@ -126,11 +141,11 @@ impl Row {
 fn format_table(threads: &[usize], rows: &[Row]) -> String {
     let cells = |values: &[f64]| values.iter().map(|&value| format!("{:>9}", short(value))).collect::<String>();
     let numbers = cells(&threads.iter().map(|&threads| threads as f64).collect::<Vec<_>>());
-    let mut text = format!("{:<24}{numbers}{:>12}{:>9}", "speed-up, by threads", "serial, %", "limit");
+    let mut text = format!("{:<28}{numbers}{:>12}{:>9}", "speed-up, by threads", "serial, %", "limit");
     for row in rows {
         let (speed_ups, serial) = (cells(&row.speed_ups()), short(100.0 * row.serial_share));
-        text += &format!("\n{:<24}{speed_ups}{serial:>12}{:>9}", row.name, row.limit());
+        text += &format!("\n{:<28}{speed_ups}{serial:>12}{:>9}", row.name, row.limit());
     }
     let clouds_hz: Vec<f64> = rows[ALL].ms.iter().map(|ms| 1000.0 / ms).collect();
-    text + &format!("\n{:<24}{}", "clouds per second", cells(&clouds_hz))
+    text + &format!("\n{:<28}{}", "clouds per second", cells(&clouds_hz))
 }

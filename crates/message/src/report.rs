@@ -99,7 +99,7 @@ pub struct Skew {
 /// Counts of one stage, and the times of the item that it finished last.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.StageReport.5")]
+#[type_name("fringeflow.StageReport.6")]
 pub struct StageReport {
     /// [`Stage`].
     pub stage: u32,
@@ -119,12 +119,15 @@ pub struct StageReport {
     pub taken_ns: u64,
     /// When the stage passed it on.
     pub passed_ns: u64,
-    /// How long the stage worked on it, without waiting for the next stage. Not recorded, like the next two.
+    /// How long the stage worked on it, without waiting for windows before it or for the next stage. Not recorded, like
+    /// the next three.
     pub work_ns: u64,
     /// CPU time of the process until now, all its stages together.
     pub cpu_ns: u64,
     /// Number of processors that the instance may use.
     pub processors: u64,
+    /// Number of items that the stage may have in work at once.
+    pub at_once: u64,
     /// Counts since the start of the instance.
     pub counts: Counts,
     /// Skew of the pairs since the previous report, for the stage that pairs images.

@@ -174,6 +174,7 @@ convert! {
         work_ns: 0,
         cpu_ns: 0,
         processors: 0,
+        at_once: 0,
         counts: counts(report)?,
         skew: Skew {
             pairs: report.skew_pairs,

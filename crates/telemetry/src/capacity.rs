@@ -1,9 +1,9 @@
 //! How many clouds per second the machine holds, what bounds it, and which settings hold the rate of the cameras.
 //!
 //! ```text
-//! rate ≤ 1 / longest time of a stage for a window       stages are processes: they work side by side
+//! rate ≤ windows at once / time for a window, of each stage       stages are processes: they work side by side
 //! rate ≤ processors / CPU time of all stages for a window
-//! rate ≤ clouds made                                    while windows are skipped
+//! rate ≤ clouds made                                              while windows are skipped
 //! ```
 //!
 //! The figures are means over the last seconds, while the stages share the processors, so the rate is approximate. CPU
@@ -50,6 +50,8 @@ pub enum Bound {
         stage: &'static str,
         /// Its time for a window.
         window_ms: f64,
+        /// Number of windows that it works on at once.
+        at_once: u64,
     },
     /// All processors are busy.
     Processors {
@@ -80,8 +82,8 @@ struct Measured {
     skipped_hz: f64,
     /// Window stride.
     every: u32,
-    /// Stages, and their times for a window, milliseconds.
-    stages_ms: Vec<(Stage, f64)>,
+    /// Stages, their times for a window, milliseconds, and the number of windows that they work on at once.
+    stages: Vec<(Stage, f64, u64)>,
     /// CPU time of all stages per second, seconds.
     cpus: f64,
     /// Number of processors; 0 if unknown.
@@ -101,7 +103,10 @@ impl Capacity {
             clouds_hz: load(Stage::Cloud)?.passed_hz,
             skipped_hz: load(Stage::Phase).map_or(0.0, |phase: Load| phase.skipped_hz),
             every: stride(&tally.stage(Stage::Windowing)?.counts)?,
-            stages_ms: CHAIN.iter().filter_map(|&stage| Some((stage, load(stage)?.work_ms?))).collect(),
+            stages: CHAIN
+                .iter()
+                .filter_map(|&stage| Some((stage, load(stage)?.work_ms?, tally.stage(stage)?.at_once)))
+                .collect(),
             cpus: processes.collect::<BTreeMap<_, _>>().values().sum(),
             processors: tally.stage(Stage::Cloud)?.processors,
         };
@@ -129,8 +134,10 @@ impl Measured {
     }
 
     fn stage_bound(&self) -> Option<(Bound, f64)> {
-        let &(stage, window_ms) = self.stages_ms.iter().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-        Some((Bound::Stage { stage: stage.name(), window_ms }, 1000.0 / window_ms))
+        let bounds = self.stages.iter().map(|&(stage, window_ms, at_once)| {
+            (Bound::Stage { stage: stage.name(), window_ms, at_once }, at_once as f64 * 1000.0 / window_ms)
+        });
+        bounds.min_by(|(_, a), (_, b)| a.total_cmp(b))
     }
 
     fn processors_bound(&self) -> Option<(Bound, f64)> {
@@ -171,7 +178,10 @@ impl fmt::Display for Capacity {
 impl fmt::Display for Bound {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Stage { stage, window_ms } => write!(f, "{stage} takes {window_ms:.0} ms for a window"),
+            Self::Stage { stage, window_ms, at_once } => {
+                write!(f, "{stage} takes {window_ms:.0} ms for a window")?;
+                if *at_once > 1 { write!(f, " and works on {at_once} at once") } else { Ok(()) }
+            }
             Self::Processors { processors, window_ms } => {
                 write!(f, "a window takes {window_ms:.0} ms of CPU time, and {processors} processors share it")
             }
@@ -191,7 +201,7 @@ mod tests {
             clouds_hz: 9.6,
             skipped_hz: 5.4,
             every: 2,
-            stages_ms: vec![(Stage::Phase, 30.0), (Stage::Correspondence, 104.0), (Stage::Cloud, 5.0)],
+            stages: vec![(Stage::Phase, 30.0, 1), (Stage::Correspondence, 104.0, 1), (Stage::Cloud, 5.0, 1)],
             cpus: 1.5,
             processors: 4,
         }
@@ -200,7 +210,7 @@ mod tests {
     #[test]
     fn the_longest_stage_bounds_the_rate() {
         let capacity = measured().capacity().unwrap();
-        assert_eq!(capacity.bound, Bound::Stage { stage: "correspondence", window_ms: 104.0 });
+        assert_eq!(capacity.bound, Bound::Stage { stage: "correspondence", window_ms: 104.0, at_once: 1 });
         let remedy = capacity.remedy.unwrap();
         // Every third pair would still be 10 windows per second.
         assert_eq!((capacity.clouds_hz, remedy.every), (9.6, 4));
@@ -214,9 +224,23 @@ mod tests {
     }
 
     #[test]
+    fn a_stage_that_works_on_two_windows_at_once_holds_twice_the_rate() {
+        let stages = vec![(Stage::Phase, 80.0, 1), (Stage::Correspondence, 140.0, 2)];
+        let capacity = Measured { skipped_hz: 0.0, stages, ..measured() }.capacity().unwrap();
+        assert_eq!(
+            (capacity.bound, capacity.clouds_hz),
+            (Bound::Stage { stage: "phase", window_ms: 80.0, at_once: 1 }, 12.5)
+        );
+        let stages = vec![(Stage::Phase, 50.0, 1), (Stage::Correspondence, 140.0, 2)];
+        let capacity = Measured { skipped_hz: 0.0, stages, ..measured() }.capacity().unwrap();
+        assert!((capacity.clouds_hz - 2000.0 / 140.0).abs() < 1e-9);
+        assert!(capacity.to_string().contains("correspondence takes 140 ms for a window and works on 2 at once"));
+    }
+
+    #[test]
     fn fewer_images_help_where_phase_takes_longest() {
-        let stages_ms = vec![(Stage::Phase, 130.0), (Stage::Correspondence, 104.0)];
-        let capacity = Measured { stages_ms, ..measured() }.capacity().unwrap();
+        let stages = vec![(Stage::Phase, 130.0, 1), (Stage::Correspondence, 104.0, 1)];
+        let capacity = Measured { stages, ..measured() }.capacity().unwrap();
         assert!(capacity.to_string().contains("phase takes 130 ms for a window"));
         assert!(capacity.to_string().contains("or fewer phase.extra_images"));
         assert!(!measured().capacity().unwrap().to_string().contains("extra_images"));
@@ -225,8 +249,8 @@ mod tests {
     #[test]
     fn busy_processors_bound_the_rate() {
         // The stages alone would hold 20 clouds per second.
-        let stages_ms = vec![(Stage::Phase, 30.0), (Stage::Correspondence, 50.0)];
-        let busy = Measured { stages_ms, cpus: 1.92, processors: 2, ..measured() };
+        let stages = vec![(Stage::Phase, 30.0, 1), (Stage::Correspondence, 50.0, 1)];
+        let busy = Measured { stages, cpus: 1.92, processors: 2, ..measured() };
         let capacity = busy.capacity().unwrap();
         assert_eq!(capacity.bound, Bound::Processors { processors: 2, window_ms: 200.0 });
         // Two processors hold 10.0; while windows are skipped, the clouds that are made count.
@@ -238,8 +262,8 @@ mod tests {
 
     #[test]
     fn no_advice_is_given_while_all_windows_are_held() {
-        let stages_ms = vec![(Stage::Phase, 30.0), (Stage::Correspondence, 50.0)];
-        let held = Measured { clouds_hz: 15.0, skipped_hz: 0.0, stages_ms, ..measured() }.capacity().unwrap();
+        let stages = vec![(Stage::Phase, 30.0, 1), (Stage::Correspondence, 50.0, 1)];
+        let held = Measured { clouds_hz: 15.0, skipped_hz: 0.0, stages, ..measured() }.capacity().unwrap();
         assert_eq!((held.clouds_hz, held.remedy), (20.0, None));
         assert_eq!(
             held.to_string(),
@@ -279,7 +303,7 @@ mod tests {
     #[test]
     fn the_reports_of_the_stages_tell_the_capacity() {
         let capacity = Capacity::from_tally(&tally()).unwrap();
-        assert_eq!(capacity.bound, Bound::Stage { stage: "cloud", window_ms: 40.0 });
+        assert_eq!(capacity.bound, Bound::Stage { stage: "cloud", window_ms: 40.0, at_once: 1 });
         assert_eq!((capacity.clouds_hz, capacity.windows_hz, capacity.remedy), (25.0, 10.0, None));
         assert_eq!(Capacity::from_tally(&Tally::default()), None);
     }

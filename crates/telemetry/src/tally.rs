@@ -35,6 +35,8 @@ pub struct StageTally {
     pub rate_hz: f64,
     /// Number of processors that the instance may use; 0 if unknown.
     pub processors: u64,
+    /// Number of items that the stage may have in work at once; 1 if unknown.
+    pub at_once: u64,
     /// Time of the last report.
     pub time_ns: u64,
     /// Start of the images of camera 2 relative to camera 1, for the stage that pairs them.
@@ -95,6 +97,7 @@ impl StageTally {
             restarts: 0,
             rate_hz: 0.0,
             processors: 0,
+            at_once: 1,
             time_ns: 0,
             skew: Skew::default(),
             latencies: Latencies::default(),
@@ -108,6 +111,7 @@ impl StageTally {
         self.pid = report.pid;
         self.restarts = report.restarts;
         self.processors = report.processors;
+        self.at_once = report.at_once.max(1);
         self.time_ns = report.time_ns;
         self.meter.add(report);
         self.skew.join(&report.skew);

@@ -1,10 +1,10 @@
 //! Writes a run as a file for trace viewers: Perfetto, `chrome://tracing`.
 //!
 //! The format is Chrome's trace event format (JSON). It has a process for each service, a thread for each stage, and a
-//! slice for each item, from receiving it to passing it on. Arrows connect the stages of one window. Times are
-//! microseconds of `CLOCK_MONOTONIC`.
+//! slice for each item, from receiving it to passing it on. A stage that works on several items at once has as many
+//! threads. Arrows connect the stages of one window. Times are microseconds of `CLOCK_MONOTONIC`.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use serde_json::{Value, json};
@@ -13,13 +13,15 @@ use fringeflow_message::{Stage, StageReport};
 
 /// Name of the arrows.
 const ARROW: &str = "window";
+/// Number of stages.
+const STAGES: u32 = Stage::ALL.len() as u32;
 
 /// Writes a trace, report by report.
 #[derive(Debug)]
 pub struct TraceWriter<W: Write> {
     out: W,
-    /// Processes and stages whose names are already in the file.
-    named: BTreeSet<(u32, Stage)>,
+    /// Processes and stages that are in the file; by their threads, the end of the last slice, nanoseconds.
+    threads_end_ns: BTreeMap<(u32, Stage), Vec<u64>>,
     is_first: bool,
 }
 
@@ -30,7 +32,7 @@ impl<W: Write> TraceWriter<W> {
     /// Errors of the writer.
     pub fn new(mut out: W) -> io::Result<Self> {
         out.write_all(b"{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
-        Ok(Self { out, named: BTreeSet::new(), is_first: true })
+        Ok(Self { out, threads_end_ns: BTreeMap::new(), is_first: true })
     }
 
     /// Adds a report. Ignores keep-alive reports and reports of unknown stages.
@@ -39,21 +41,33 @@ impl<W: Write> TraceWriter<W> {
     /// Errors of the writer.
     pub fn add(&mut self, report: &StageReport) -> io::Result<()> {
         let Some(stage) = Stage::from_code(report.stage).filter(|_| report.of_item != 0) else { return Ok(()) };
-        if self.named.insert((report.pid, stage)) {
-            self.write_names(report.pid, stage)?;
-        }
+        let tid = self.thread(report, stage)?;
         let duration_ns = report.passed_ns.saturating_sub(report.taken_ns);
         self.event(&json!({
-            "ph": "X", "name": stage.name(), "cat": "stage", "pid": report.pid, "tid": stage as u32,
+            "ph": "X", "name": stage.name(), "cat": "stage", "pid": report.pid, "tid": tid,
             "ts": micros(report.taken_ns), "dur": micros(duration_ns),
             "args": { "exposure_start_ns": report.exposure_start_ns, "received_ns": report.received_ns },
         }))?;
         match stage {
-            Stage::Phase => self.arrow("s", report, stage),
-            Stage::Correspondence => self.arrow("t", report, stage),
-            Stage::Cloud => self.arrow("f", report, stage),
+            Stage::Phase => self.arrow("s", report, tid),
+            Stage::Correspondence => self.arrow("t", report, tid),
+            Stage::Cloud => self.arrow("f", report, tid),
             _ => Ok(()),
         }
+    }
+
+    /// Returns the first thread of the stage that has no slice at the time of the item, and names it if it is new.
+    fn thread(&mut self, report: &StageReport, stage: Stage) -> io::Result<u32> {
+        let threads_end_ns = self.threads_end_ns.entry((report.pid, stage)).or_default();
+        let free = threads_end_ns.iter_mut().enumerate().find(|(_, end_ns)| **end_ns <= report.taken_ns);
+        if let Some((number, end_ns)) = free {
+            *end_ns = report.passed_ns;
+            return Ok(thread_id(stage, number));
+        }
+        let number = threads_end_ns.len();
+        threads_end_ns.push(report.passed_ns);
+        self.write_names(report.pid, stage, number)?;
+        Ok(thread_id(stage, number))
     }
 
     /// Ends the trace. The file is valid JSON only afterwards.
@@ -66,20 +80,20 @@ impl<W: Write> TraceWriter<W> {
         Ok(self.out)
     }
 
-    fn write_names(&mut self, pid: u32, stage: Stage) -> io::Result<()> {
-        let (tid, name) = (stage as u32, stage.name());
+    fn write_names(&mut self, pid: u32, stage: Stage, number: usize) -> io::Result<()> {
+        let (tid, name) = (thread_id(stage, number), stage.name());
         self.event(&json!({"ph": "M", "name": "thread_name", "pid": pid, "tid": tid, "args": {"name": name}}))?;
         self.event(&json!({"ph": "M", "name": "process_name", "pid": pid, "args": {"name": process(stage)}}))?;
-        self.event(&json!({"ph": "M", "name": "process_sort_index", "pid": pid, "args": {"sort_index": tid}}))
+        self.event(&json!({"ph": "M", "name": "process_sort_index", "pid": pid, "args": {"sort_index": stage as u32}}))
     }
 
     /// Writes an event of the arrow that connects the stages of a window. The viewer attaches it to the slice around
     /// its time.
-    fn arrow(&mut self, phase: &str, report: &StageReport, stage: Stage) -> io::Result<()> {
+    fn arrow(&mut self, phase: &str, report: &StageReport, tid: u32) -> io::Result<()> {
         let middle_ns = report.taken_ns.midpoint(report.passed_ns.max(report.taken_ns));
         self.event(&json!({
             "ph": phase, "name": ARROW, "cat": ARROW, "id": report.exposure_start_ns, "bp": "e",
-            "pid": report.pid, "tid": stage as u32, "ts": micros(middle_ns),
+            "pid": report.pid, "tid": tid, "ts": micros(middle_ns),
         }))
     }
 
@@ -87,6 +101,11 @@ impl<W: Write> TraceWriter<W> {
         self.out.write_all(if std::mem::take(&mut self.is_first) { b"\n" } else { b",\n" })?;
         serde_json::to_writer(&mut self.out, event).map_err(io::Error::from)
     }
+}
+
+/// Number of a thread of a stage.
+fn thread_id(stage: Stage, number: usize) -> u32 {
+    stage as u32 + STAGES * number as u32
 }
 
 /// Name of the process of a stage.
@@ -140,6 +159,20 @@ mod tests {
         let second = with_phase("X")[1];
         assert_eq!((second["ts"].as_f64(), second["dur"].as_f64()), (Some(4.0), Some(2.0)));
         assert_eq!(with_phase("f")[0]["id"], 77);
+    }
+
+    #[test]
+    fn items_in_work_at_once_have_threads_of_their_own() {
+        let mut trace = TraceWriter::new(Vec::new()).unwrap();
+        for (taken_ns, passed_ns) in [(0, 4_000), (2_000, 6_000), (4_000, 8_000), (7_000, 9_000)] {
+            let report = StageReport { passed_ns, ..report(Stage::Correspondence, 6, taken_ns) };
+            trace.add(&report).unwrap();
+        }
+        let trace: Value = serde_json::from_slice(&trace.finish().unwrap()).unwrap();
+        let slices = trace["traceEvents"].as_array().unwrap().iter().filter(|event| event["ph"] == "X");
+        let threads: Vec<u64> = slices.map(|slice| slice["tid"].as_u64().unwrap()).collect();
+        let [first, second] = [0, 1].map(|number| u64::from(thread_id(Stage::Correspondence, number)));
+        assert_eq!(threads, [first, second, first, second]);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.6` |
 /// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.7` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.5` |
-/// | `ReportStage` | `report/stage` | `fringeflow.StageReport.5` | none |
+/// | `ReportStage` | `report/stage` | `fringeflow.StageReport.6` | none |
 /// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.5` | none |
 /// | `TrackingPose` | `tracking/pose` | `fringeflow.PoseReport.2` | none |
 /// | `TrackingModel` | `tracking/model` | slice of `u8` | `fringeflow.ModelHeader.1` |

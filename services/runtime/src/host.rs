@@ -73,6 +73,8 @@ pub struct Host {
     restarts: u32,
     /// Processors that the instance may use. The configuration may give this service fewer.
     processors: u64,
+    /// Number of items that this service may have in work at once.
+    at_once: u64,
     reports: Publisher<(), StageReport>,
     last_heartbeat_ns: u64,
     last_check_ns: u64,
@@ -89,7 +91,7 @@ pub struct ItemTimes {
     pub taken_ns: u64,
     /// When the stage passed it on.
     pub passed_ns: u64,
-    /// How long it waited in the stage for the next one.
+    /// How long it waited in the stage: for windows before it, or for the next stage.
     pub waited_ns: u64,
 }
 
@@ -127,6 +129,7 @@ impl Host {
             accounts,
             restarts: arguments.restarts,
             processors,
+            at_once: 1,
             reports,
             last_heartbeat_ns: 0,
             last_check_ns: 0,
@@ -137,6 +140,11 @@ impl Host {
     #[must_use]
     pub fn restarts(&self) -> u32 {
         self.restarts
+    }
+
+    /// Sets how many items this service may have in work at once; its reports tell it.
+    pub(crate) fn set_at_once(&mut self, items: usize) {
+        self.at_once = items as u64;
     }
 
     /// Begins a preparation of `total` parts that this service needs before it can work. Other processes can read its
@@ -234,6 +242,7 @@ impl Host {
             work_ns: times.passed_ns.saturating_sub(times.taken_ns).saturating_sub(times.waited_ns),
             cpu_ns: cpu_ns(),
             processors: self.processors,
+            at_once: self.at_once,
             counts: *counts,
             skew,
         };

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use fringeflow::cloud::Cloud;
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::geometry::{Camera, Pixel, Point3, Pose};
-use fringeflow::worker::{CloudWorker, CorrespondenceWorker, Correspondences, PhasePair, PhaseWorker};
+use fringeflow::worker::{CloudWorker, Correspondences, PhasePair, PhaseWorker};
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
@@ -64,16 +64,11 @@ impl<'a> WarmUp<'a> {
         note_failure(worker.step(first_step, &cam1, &cam2, None, out));
     }
 
-    /// Searches for the correspondences of the wall.
-    pub(crate) fn search(
-        &self,
-        worker: &mut CorrespondenceWorker,
-        out: &mut Correspondences,
-    ) -> Result<(), ServiceError> {
+    /// Phase maps of the wall.
+    pub(crate) fn maps(&self) -> Result<PhasePair, ServiceError> {
         let mut maps = PhasePair::default();
         self.decode(0, &mut phase::new_worker(self.configuration, self.setup)?, &mut maps);
-        note_failure(worker.step(&maps, out));
-        Ok(())
+        Ok(maps)
     }
 
     /// Triangulates the wall.
@@ -84,14 +79,15 @@ impl<'a> WarmUp<'a> {
         out: &mut Cloud,
     ) -> Result<(), ServiceError> {
         let mut found = Correspondences::default();
-        self.search(&mut correspondence::new_worker(self.configuration, self.setup, table)?, &mut found)?;
+        let mut search = correspondence::new_worker(self.configuration, self.setup, table)?;
+        note_failure(search.step(&self.maps()?, &mut found));
         worker.step(&found, out);
         Ok(())
     }
 }
 
 /// A window of a real scene may succeed where the wall does not, so the service starts all the same.
-fn note_failure<E: std::fmt::Display>(result: Result<(), E>) {
+pub(crate) fn note_failure<T, E: std::fmt::Display>(result: Result<T, E>) {
     if let Err(error) = result {
         tracing::debug!("the warm-up yields nothing: {error}");
     }
@@ -138,21 +134,27 @@ fn image(turns: &[f64], shift_rad: f64, format: PixelFormat) -> Vec<u8> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::path::Path;
 
+    use fringeflow::worker::CorrespondenceWorker;
     use fringeflow_runtime::ServiceArgs;
 
     use super::*;
 
     /// The scanner of a small recording, and its segment table.
-    fn scanner() -> (ScannerConfiguration, Setup, Arc<SegmentTable>) {
+    pub(crate) fn scanner() -> (ScannerConfiguration, Setup, Arc<SegmentTable>) {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings/tooth.toml");
         let arguments = ServiceArgs { config, setup: None, segment_table: None, restarts: 0, supervised: false };
         let configuration = arguments.configuration().unwrap();
         let setup = arguments.setup(&configuration).unwrap();
         let table = arguments.segment_table(&configuration, &setup).unwrap();
         (configuration, setup, Arc::new(table))
+    }
+
+    /// Phase maps of a wall that is nearer than the middle of the volume.
+    pub(crate) fn maps_of_wall(configuration: &ScannerConfiguration, setup: &Setup, nearer_m: f64) -> PhasePair {
+        WarmUp::new(configuration, setup, middle_of_volume_m(setup).unwrap() - nearer_m).maps().unwrap()
     }
 
     /// The workers of all stages, and what they make of a window that begins with a step.
@@ -182,7 +184,7 @@ mod tests {
         let mut warm = Chain::new(&configuration, &setup, &table);
         let (mut maps, mut found, mut cloud) = <(PhasePair, Correspondences, Cloud)>::default();
         warm_up.decode(0, &mut warm.0, &mut maps);
-        warm_up.search(&mut warm.1, &mut found).unwrap();
+        warm.1.step(&warm_up.maps().unwrap(), &mut found).unwrap();
         warm_up.triangulate(&table, &mut warm.2, &mut cloud).unwrap();
         // The wall reaches all of the pixels, so the warm-up uses as much memory as any window.
         let seen = found.matches.outcomes.iter().filter(|outcome| outcome.is_found()).count();

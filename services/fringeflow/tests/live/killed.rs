@@ -9,7 +9,12 @@ use crate::support::{Bench, NAME, SERVICES, wait_until};
 
 #[test]
 fn a_killed_service_is_restarted_and_the_others_go_on() {
-    let bench = Bench::with_changes(&[("enabled = false", "address = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"")]);
+    // With eight threads, two windows are searched at once.
+    let changes = [
+        ("enabled = false", "address = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\""),
+        ("[window]", "[processors.correspondence]\nthreads = 8\n[window]"),
+    ];
+    let bench = Bench::with_changes(&changes);
     let live = bench.start(&[&"--record", &bench.path("scan.mcap")]);
     live.wait_for_clouds(10);
     let running: Vec<&str> = SERVICES.into_iter().filter(|service| bench.pid_of(service).is_some()).collect();

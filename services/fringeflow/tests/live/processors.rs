@@ -30,7 +30,7 @@ fn services_have_the_configured_cpus_threads_priority_and_memory_also_after_a_re
     let usable = sched_getaffinity(None).unwrap();
     let cpu = (0..1024).rfind(|&cpu| usable.is_set(cpu)).unwrap().to_string();
     let settings = format!(
-        "[processors.phase]\ncpus = [{cpu}]\nthreads = 3\n[processors.cloud]\nrealtime_priority = 5\nlock_memory = \"used\"\n[window]"
+        "[processors.phase]\ncpus = [{cpu}]\nthreads = 3\n[processors.correspondence]\nthreads = 9\n[processors.cloud]\nrealtime_priority = 5\nlock_memory = \"used\"\n[window]"
     );
     let bench = Bench::with_changes(&[("[window]", &settings)]);
     let live = bench.start(&[]);
@@ -41,6 +41,11 @@ fn services_have_the_configured_cpus_threads_priority_and_memory_also_after_a_re
             let status = fs::read_to_string(format!("/proc/{phase}/task/{thread}/status")).unwrap();
             assert!(status.contains(&format!("Cpus_allowed_list:\t{cpu}\n")), "{status}");
         }
+        // It may search two windows at once, each with all of its threads.
+        let correspondence = bench.pid_of("correspondence").unwrap();
+        let name = |thread: &String| fs::read_to_string(format!("/proc/{correspondence}/task/{thread}/comm"));
+        let is_search = |thread: &String| name(thread).is_ok_and(|name| name == "search\n");
+        assert_eq!(threads_of(correspondence).iter().filter(|thread| is_search(thread)).count(), 2 * 9);
         // The CPUs of other services are not limited.
         assert_eq!(
             status_field(bench.pid_of("correspondence").unwrap(), "Cpus_allowed_list"),
@@ -49,7 +54,8 @@ fn services_have_the_configured_cpus_threads_priority_and_memory_also_after_a_re
         let status = bench.json(&[0], &[&"status", &NAME, &"--json"]);
         let processors = &status["processors"];
         assert_eq!(processors["phase"]["granted"], serde_json::json!([format!("CPUs {cpu}"), "3 threads"]));
-        assert!(processors["correspondence"].is_null(), "{processors}");
+        assert_eq!(processors["correspondence"]["granted"], serde_json::json!(["9 threads"]));
+        assert!(processors["tracking"].is_null(), "{processors}");
         // The system may refuse priority and memory. Then the status says what to change.
         let cloud_status = |kind: &str| processors["cloud"][kind].to_string();
         let cloud = bench.pid_of("cloud").unwrap();

@@ -52,7 +52,7 @@ impl Transform for CloudStage {
         header.window
     }
 
-    fn step(&mut self, message: Received<CorrespondenceHeader, [Block]>) -> Result<(), Dropped> {
+    fn begin(&mut self, message: Received<CorrespondenceHeader, [Block]>) -> Result<(), Dropped> {
         let input = wire::correspondences::view(message.header(), message.payload());
         let matches = self.worker.count_matches(&input.map_err(|e| Dropped::new(DropReason::Malformed, e))?);
         if matches == 0 {

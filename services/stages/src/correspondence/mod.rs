@@ -1,10 +1,13 @@
 //! The correspondence service: phase maps in, correspondences out.
 
+mod searches;
+
 use std::sync::Arc;
+use std::time::Duration;
 
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::phase::PhaseShifts;
-use fringeflow::worker::{CorrespondenceWorker, Correspondences, PhasePair};
+use fringeflow::worker::CorrespondenceWorker;
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
 use fringeflow_message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
@@ -19,6 +22,8 @@ use fringeflow_wire::health::health_measures;
 use fringeflow_wire::in_step::InStep;
 use fringeflow_wire::window_report::window_report;
 
+use searches::{SearchedWindow, Searches};
+
 use crate::warm_up::WarmUp;
 
 /// Runs the service until it is to stop.
@@ -28,16 +33,13 @@ use crate::warm_up::WarmUp;
 pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
     let mut host = Host::open(arguments, "correspondence")?;
     let table = Arc::new(arguments.segment_table(&host.configuration, &host.setup)?);
-    let mut worker = new_worker(&host.configuration, &host.setup, &table)?;
-    let mut correspondences = Correspondences::default();
+    let mut searches =
+        Searches::new(&new_worker(&host.configuration, &host.setup, &table)?, rayon::current_num_threads())?;
     if let Some(warm_up) = WarmUp::of(&host) {
-        warm_up.search(&mut worker, &mut correspondences)?;
+        searches.warm_up(&warm_up.maps()?);
     }
     let stage = CorrespondenceStage {
-        worker,
-        header: MapsHeader::default(),
-        maps: PhasePair::default(),
-        correspondences,
+        searches,
         health: Health::new(&host.configuration.measurement.health),
         in_step: InStep::default(),
         states: [HealthState::NotKnown; Quantity::ALL.len()],
@@ -58,11 +60,7 @@ pub(crate) fn new_worker(
 }
 
 struct CorrespondenceStage {
-    worker: CorrespondenceWorker,
-    /// Header of `maps`.
-    header: MapsHeader,
-    maps: PhasePair,
-    correspondences: Correspondences,
+    searches: Searches,
     health: Health,
     in_step: InStep,
     /// Last logged states of all quantities.
@@ -84,8 +82,7 @@ impl CorrespondenceStage {
     }
 
     /// Logs when the sequence has slipped, and when it is in step again.
-    fn log_slip(&mut self) {
-        let slip_steps = self.correspondences.matches.slip_steps;
+    fn log_slip(&mut self, slip_steps: [usize; 2]) {
         if slip_steps == self.slip_steps {
             return;
         }
@@ -123,14 +120,22 @@ impl Transform for CorrespondenceStage {
         header.window
     }
 
-    fn step(&mut self, message: Received<MapsHeader, [Block]>) -> Result<(), Dropped> {
-        self.header = *message.header();
-        let read = wire::maps::read(&self.header, message.payload(), &mut self.maps);
-        // Before the long work: the publisher needs the sample back soon.
-        drop(message);
-        read.map_err(|e| Dropped::new(DropReason::Malformed, e))?;
-        let result = self.worker.step(&self.maps, &mut self.correspondences);
-        result.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e))
+    fn at_once(&self) -> usize {
+        self.searches.at_once()
+    }
+
+    fn begin(&mut self, message: Received<MapsHeader, [Block]>) -> Result<(), Dropped> {
+        let read = |window: &mut SearchedWindow| {
+            window.header = *message.header();
+            let read = wire::maps::read(&window.header, message.payload(), &mut window.maps);
+            read.map_err(|e| Dropped::new(DropReason::Malformed, e))
+        };
+        self.searches.begin(read)
+    }
+
+    fn end_oldest(&mut self, timeout: Duration) -> Option<Result<u64, Dropped>> {
+        let ended_ns = self.searches.end_oldest(timeout)?;
+        Some(ended_ns.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e)))
     }
 
     fn send(
@@ -138,17 +143,18 @@ impl Transform for CorrespondenceStage {
         published: u64,
         output: &mut Publisher<CorrespondenceHeader, [Block]>,
     ) -> Result<(), TransportError> {
-        let header = wire::correspondences::header(&self.correspondences, &self.header.window, published);
-        let blocks = wire::correspondences::blocks(self.correspondences.mean.len());
-        output.send_filled(&header, blocks, |payload| wire::correspondences::write(&self.correspondences, payload))
+        let Some(SearchedWindow { header, correspondences, .. }) = self.searches.last() else { return Ok(()) };
+        let header = wire::correspondences::header(correspondences, &header.window, published);
+        let blocks = wire::correspondences::blocks(correspondences.mean.len());
+        output.send_filled(&header, blocks, |payload| wire::correspondences::write(correspondences, payload))
     }
 
     fn send_reports(&mut self, published: u64) -> Result<(), TransportError> {
-        let is_in_step = self.in_step.update(&self.header, &self.correspondences);
-        self.health
-            .add(self.header.window.received_ns, &health_measures(&self.header, &self.correspondences, is_in_step));
-        self.log_slip();
-        let report = window_report(&self.header, &self.correspondences, published, &self.health);
+        let Some(SearchedWindow { header, correspondences, .. }) = self.searches.last() else { return Ok(()) };
+        let is_in_step = self.in_step.update(header, correspondences);
+        self.health.add(header.window.received_ns, &health_measures(header, correspondences, is_in_step));
+        let report = window_report(header, correspondences, published, &self.health);
+        self.log_slip(correspondences.matches.slip_steps);
         self.log_health(HealthFigures::from_report(&report).as_ref());
         self.reports.send_message(&report)
     }
