@@ -59,14 +59,14 @@ impl<W: Write> TraceWriter<W> {
     /// Returns the first thread of the stage that has no slice at the time of the item, and names it if it is new.
     fn thread(&mut self, report: &StageReport, stage: Stage) -> io::Result<u32> {
         let threads_end_ns = self.threads_end_ns.entry((report.pid, stage)).or_default();
-        let free = threads_end_ns.iter_mut().enumerate().find(|(_, end_ns)| **end_ns <= report.taken_ns);
-        if let Some((number, end_ns)) = free {
+        let is_free = |end_ns: &u64| *end_ns <= report.taken_ns;
+        let number = threads_end_ns.iter().position(is_free).unwrap_or(threads_end_ns.len());
+        if let Some(end_ns) = threads_end_ns.get_mut(number) {
             *end_ns = report.passed_ns;
-            return Ok(thread_id(stage, number));
+        } else {
+            threads_end_ns.push(report.passed_ns);
+            self.write_names(report.pid, stage, number)?;
         }
-        let number = threads_end_ns.len();
-        threads_end_ns.push(report.passed_ns);
-        self.write_names(report.pid, stage, number)?;
         Ok(thread_id(stage, number))
     }
 

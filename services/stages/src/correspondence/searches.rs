@@ -2,7 +2,7 @@
 //!
 //! In: phase maps. Out: correspondences, in the order of the windows. The bytes do not depend on the number of windows,
 //! because workers keep no information from one window to the next. Cost: a window that is searched alone has all
-//! threads; further ones take what it leaves idle. The memory of a worker and of its window, for each.
+//! threads; a second one takes what it leaves idle, and the memory of another worker and window.
 
 use std::convert::Infallible;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -17,8 +17,8 @@ use fringeflow_runtime::{ServiceError, clock};
 
 use crate::warm_up::note_failure;
 
-/// Number of threads from which on two windows are searched at once. A fifth of a search runs serially, so it keeps 2.4 of
-/// 4 threads busy, but 3.2 of 8. More than two would wait for the phase service, which decodes one window at a time.
+/// Number of threads from which on two windows are searched at once. A fifth of a search runs serially, so it keeps 2.4
+/// of 4 threads busy, but 3.2 of 8. More than two would wait for the phase service, which decodes one window at a time.
 const THREADS_FOR_TWO: usize = 8;
 
 /// All searches; they take windows in turn.
@@ -35,9 +35,12 @@ struct Search {
     threads: ThreadPool,
     /// `None` while it is searched.
     window: Option<Box<SearchedWindow>>,
-    to_result: SyncSender<Box<SearchedWindow>>,
-    result: Receiver<Box<SearchedWindow>>,
+    to_result: SyncSender<Searched>,
+    result: Receiver<Searched>,
 }
+
+/// A window, and when its search ended, or why it found nothing.
+type Searched = (Box<SearchedWindow>, Result<u64, MatchError>);
 
 /// A window, its worker, and what was found in it.
 pub(super) struct SearchedWindow {
@@ -46,8 +49,6 @@ pub(super) struct SearchedWindow {
     pub(super) header: MapsHeader,
     pub(super) maps: PhasePair,
     pub(super) correspondences: Correspondences,
-    /// When the search ended, or why it found nothing.
-    ended_ns: Result<u64, MatchError>,
 }
 
 impl Searches {
@@ -66,11 +67,7 @@ impl Searches {
         for _ in 0..self.at_once() {
             let Ok(()) = self.begin(|window| window.copy_maps(maps));
         }
-        while self.ended < self.begun {
-            if let Some(result) = self.end_oldest(Duration::MAX) {
-                note_failure(result);
-            }
-        }
+        (0..self.at_once()).filter_map(|_| self.end_oldest(Duration::MAX)).for_each(note_failure);
     }
 
     /// Number of windows that may be in work.
@@ -93,9 +90,9 @@ impl Searches {
         let (span, to_result) = (tracing::Span::current(), to_result.clone());
         // A panic in the pool ends the process, and the supervisor starts it again.
         threads.spawn(move || {
-            span.in_scope(|| window.search());
+            let result = span.in_scope(|| window.worker.step(&window.maps, &mut window.correspondences));
             // The receiver lives as long as the service.
-            let _ = to_result.send(window);
+            let _ = to_result.send((window, result.map(|()| clock::now_ns())));
         });
         Ok(())
     }
@@ -108,9 +105,10 @@ impl Searches {
     pub(super) fn end_oldest(&mut self, timeout: Duration) -> Option<Result<u64, MatchError>> {
         let number = self.ended % self.searches.len();
         let Search { window, result, .. } = &mut self.searches[number];
-        let searched = window.insert(result.recv_timeout(timeout).ok()?);
+        let (searched, ended_ns) = result.recv_timeout(timeout).ok()?;
+        *window = Some(searched);
         self.ended += 1;
-        Some(std::mem::replace(&mut searched.ended_ns, Ok(0)))
+        Some(ended_ns)
     }
 
     /// The window whose search ended last, until as many further ones have begun as may be in work.
@@ -129,7 +127,6 @@ impl Search {
             header: MapsHeader::default(),
             maps: PhasePair::default(),
             correspondences: Correspondences::default(),
-            ended_ns: Ok(0),
         };
         Ok(Self { threads: pool.map_err(refused)?, window: Some(Box::new(window)), to_result, result })
     }
@@ -140,11 +137,6 @@ impl SearchedWindow {
     fn copy_maps(&mut self, maps: &PhasePair) -> Result<(), Infallible> {
         self.maps.clone_from(maps);
         Ok(())
-    }
-
-    fn search(&mut self) {
-        let result = self.worker.step(&self.maps, &mut self.correspondences);
-        self.ended_ns = result.map(|()| clock::now_ns());
     }
 }
 
