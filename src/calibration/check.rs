@@ -5,15 +5,20 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use crate::geometry::{Camera, Distortion, EpipolarError, EpipolarFrame, Pixel, Pose, Rig, Vector3};
 
-use super::file_storage::{Matrices, Matrix};
-use super::{CalibrationProblem, Unit};
+use super::file_storage::{Fields, Matrix};
+use super::{CalibrationProblem, Mistake, Unit, other_origin};
 
 /// Largest deviation of R·Rᵀ from the identity; files carry 8 or more digits.
 const ROTATION_TOLERANCE: f64 = 1e-5;
 /// Largest plausible ratio of the two focal lengths of a camera or projector.
 const MAX_FOCAL_RATIO: f64 = 4.0;
+/// Largest plausible tangential coefficient: twenty times that of a camera lens. At the edge of an image as wide as its
+/// focal length it displaces points by 4 % of the width.
+const MAX_TANGENTIAL: f64 = 0.05;
 /// Plausible base lengths of a scanner, metres. Outside this range the unit is wrong.
 const BASE_RANGE_M: std::ops::RangeInclusive<f64> = 1e-3..=20.0;
+/// Largest plausible ratio of the bases of camera 2 and of the projector. Outside of it their units differ.
+const MAX_BASE_RATIO: f64 = 50.0;
 /// Spacing of the pixels at which the inverse of a distortion is tested.
 const INVERSE_GRID_PX: usize = 32;
 
@@ -29,26 +34,27 @@ const CAM2: CameraFields = CameraFields { matrix: "K2", distortion: "D2", size: 
 const PROJECTOR: CameraFields = CameraFields { matrix: "Kp", distortion: "Dp", size: "sizep" };
 
 /// Builds the rig, in metres, from matrices in `unit`.
-pub(super) fn rig(matrices: &Matrices, unit: Unit) -> Result<Rig, CalibrationProblem> {
+pub(super) fn rig(fields: &Fields, unit: Unit) -> Result<Rig, CalibrationProblem> {
     let rig = Rig {
-        cam1: camera(matrices, &CAM1)?,
-        cam2: camera(matrices, &CAM2)?,
-        projector: camera(matrices, &PROJECTOR)?,
-        cam2_from_cam1: pose(matrices, "R2", "T2", unit)?,
-        projector_from_cam1: pose(matrices, "Rp", "Tp", unit)?,
+        cam1: camera(fields, &CAM1)?,
+        cam2: camera(fields, &CAM2)?,
+        projector: camera(fields, &PROJECTOR)?,
+        cam2_from_cam1: pose(fields, "R2", "T2", unit)?,
+        projector_from_cam1: pose(fields, "Rp", "Tp", unit)?,
     };
     check_base(&rig, unit)?;
+    check_projector_base(&rig)?;
     check_views(&rig)?;
     Ok(rig)
 }
 
-fn camera(matrices: &Matrices, fields: &CameraFields) -> Result<Camera, CalibrationProblem> {
-    let size = image_size(matrices, fields.size)?;
-    let k = shaped(matrices, fields.matrix, 3, 3, "3×3")?;
-    check_camera_matrix(fields.matrix, k, size)?;
-    let distortion = distortion(matrices, fields.distortion)?;
+fn camera(fields: &Fields, names: &CameraFields) -> Result<Camera, CalibrationProblem> {
+    let size = image_size(fields, names.size)?;
+    let k = square(fields, names.matrix)?;
+    check_camera_matrix(names.matrix, &k, size)?;
+    let distortion = distortion(fields, names.distortion)?;
     let camera = Camera::new([k[0], k[4]], [k[2], k[5]], distortion, size).with_skew(k[1]);
-    check_invertible(&camera, fields.distortion)?;
+    check_invertible(&camera, names.distortion)?;
     Ok(camera)
 }
 
@@ -60,6 +66,9 @@ fn check_camera_matrix(field: &'static str, k: &[f64], size: [usize; 2]) -> Resu
     }
     if fx / fy > MAX_FOCAL_RATIO || fy / fx > MAX_FOCAL_RATIO {
         return fail(format!("focal lengths {fx} and {fy} px differ by more than a factor of {MAX_FOCAL_RATIO}"));
+    }
+    if k[2] == 0.0 && k[5] == 0.0 && k[6] != 0.0 && k[7] != 0.0 {
+        return fail("cx and cy stand in the last row: it is transposed, as MATLAB stores it; transpose it".to_owned());
     }
     let last_row_is_unit = k[6] == 0.0 && k[7] == 0.0 && k[8] == 1.0 && k[3] == 0.0;
     if !last_row_is_unit {
@@ -74,17 +83,23 @@ fn check_camera_matrix(field: &'static str, k: &[f64], size: [usize; 2]) -> Resu
     Ok(())
 }
 
-fn distortion(matrices: &Matrices, field: &'static str) -> Result<Distortion, CalibrationProblem> {
-    let matrix = finite(matrices, field)?;
+fn distortion(fields: &Fields, field: &'static str) -> Result<Distortion, CalibrationProblem> {
+    let expected = "a vector of 4, 5, 8, 12 or 14 coefficients";
+    let matrix = matrix(fields, field, expected)?;
     let is_vector = matrix.rows.min(matrix.cols) == 1 && matrix.rows * matrix.cols == matrix.values.len();
     if !is_vector || ![4, 5, 8, 12, 14].contains(&matrix.values.len()) {
-        return Err(shape_error(field, matrix, "a vector of 4, 5, 8, 12 or 14 coefficients"));
+        return Err(shape_error(field, &matrix, expected));
     }
     if let [.., tau_x, tau_y] = matrix.values[..]
         && matrix.values.len() == 14
         && (tau_x != 0.0 || tau_y != 0.0)
     {
         return Err(CalibrationProblem::Tilt { field, tau_x, tau_y });
+    }
+    if let [_, _, p1, p2, ..] = matrix.values[..]
+        && p1.abs().max(p2.abs()) > MAX_TANGENTIAL
+    {
+        return Err(CalibrationProblem::Tangential { field, p1, p2 });
     }
     Ok(Distortion::from_opencv(&matrix.values))
 }
@@ -109,12 +124,12 @@ fn grid(extent_px: usize) -> impl Iterator<Item = f64> {
 }
 
 fn pose(
-    matrices: &Matrices,
+    fields: &Fields,
     rotation: &'static str,
     translation: &'static str,
     unit: Unit,
 ) -> Result<Pose, CalibrationProblem> {
-    let r = Matrix3::from_row_slice(shaped(matrices, rotation, 3, 3, "3×3")?);
+    let r = Matrix3::from_row_slice(&square(fields, rotation)?);
     let deviation = (r * r.transpose() - Matrix3::identity()).amax();
     if deviation > ROTATION_TOLERANCE {
         let what = format!("R·Rᵀ differs from the identity by {deviation:.3e}; calibrate again or give more digits");
@@ -124,9 +139,9 @@ fn pose(
         let what = "its determinant is −1: it mirrors the scene".to_owned();
         return Err(CalibrationProblem::NotARotation { field: rotation, what });
     }
-    let t = finite(matrices, translation)?;
+    let t = matrix(fields, translation, "3×1")?;
     if t.values.len() != 3 || t.rows * t.cols != 3 {
-        return Err(shape_error(translation, t, "3×1"));
+        return Err(shape_error(translation, &t, "3×1"));
     }
     let t = Vector3::from_column_slice(&t.values) * unit.in_metres();
     // Files hold rounded digits; the quaternion makes it a rotation to the last bit.
@@ -154,10 +169,28 @@ fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
     Ok(())
 }
 
+/// The projector must lie about as far from camera 1 as camera 2 does.
+fn check_projector_base(rig: &Rig) -> Result<(), CalibrationProblem> {
+    let bases_m =
+        |rig: &Rig| [&rig.cam2_from_cam1, &rig.projector_from_cam1].map(|pose| pose.translation.vector.norm());
+    let is_plausible =
+        |[cam2_m, projector_m]: [f64; 2]| (1.0 / MAX_BASE_RATIO..=MAX_BASE_RATIO).contains(&(projector_m / cam2_m));
+    let [cam2_m, projector_m] = bases_m(rig);
+    if is_plausible([cam2_m, projector_m]) {
+        return Ok(());
+    }
+    let units = [1e3, 1e-3].map(Mistake::ProjectorUnit);
+    let unit = units.into_iter().find(|unit| is_plausible(bases_m(&unit.corrected(rig))));
+    let why = unit.map_or_else(|| "check Tp".to_owned(), |unit| unit.to_string());
+    let (cam2_mm, projector_mm) = (cam2_m * 1e3, projector_m * 1e3);
+    let what = format!("the projector lies {projector_mm:.2} mm from camera 1, and camera 2 {cam2_mm:.2} mm; {why}");
+    Err(CalibrationProblem::Implausible { field: "Tp", what })
+}
+
 /// The optical axes of both cameras and of the projector must be able to meet in front of the cameras.
 ///
-/// Inverted transforms (x1 = R·x2 + T instead of x2 = R·x1 + T) turn the axes away from each other on a toed-in rig.
-/// Completely swapped cameras make a valid rig. Matching finds out that the images do not fit it.
+/// A transposed R, or a T of the other sign, turns the axes away from each other on a toed-in rig. Completely inverted
+/// transforms and swapped cameras make a valid rig. The measurement volume or the images find out that it is wrong.
 fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
     EpipolarFrame::new(rig).map_err(|e| match e {
         EpipolarError::NoBase { .. } => CalibrationProblem::Implausible { field: "T2", what: e.to_string() },
@@ -168,7 +201,8 @@ fn check_views(rig: &Rig) -> Result<(), CalibrationProblem> {
         if let Some(angle_deg) = diverging_axes_deg(pose) {
             let what = format!(
                 "its optical axis points away from the axis of camera 1 by {angle_deg:.1}°, so they never see the same \
-                 object; are the cameras swapped, or is the transform inverted? (x2 = R2·x1 + T2)"
+                 object; is R transposed (MATLAB stores it so), or has T the other sign? (x2 = R2·x1 + T2, xp = Rp·x1 + \
+                 Tp)"
             );
             return Err(CalibrationProblem::Implausible { field, what });
         }
@@ -189,10 +223,10 @@ fn diverging_axes_deg(other_from_cam1: &Pose) -> Option<f64> {
     (lean_deg > TOLERATED_DEG).then_some(lean_deg)
 }
 
-fn image_size(matrices: &Matrices, field: &'static str) -> Result<[usize; 2], CalibrationProblem> {
-    let matrix = finite(matrices, field)?;
+fn image_size(fields: &Fields, field: &'static str) -> Result<[usize; 2], CalibrationProblem> {
+    let matrix = matrix(fields, field, "1×2: width, height")?;
     let &[width, height] = &matrix.values[..] else {
-        return Err(shape_error(field, matrix, "1×2: width, height"));
+        return Err(shape_error(field, &matrix, "1×2: width, height"));
     };
     let whole = |x: f64| x.fract() == 0.0 && (2.0..=65535.0).contains(&x);
     if !(whole(width) && whole(height)) {
@@ -201,23 +235,25 @@ fn image_size(matrices: &Matrices, field: &'static str) -> Result<[usize; 2], Ca
     Ok([width as usize, height as usize])
 }
 
-fn shaped<'m>(
-    matrices: &'m Matrices,
-    field: &'static str,
-    rows: usize,
-    cols: usize,
-    expected: &'static str,
-) -> Result<&'m [f64], CalibrationProblem> {
-    let matrix = finite(matrices, field)?;
-    if (matrix.rows, matrix.cols, matrix.values.len()) == (rows, cols, rows * cols) {
-        Ok(&matrix.values)
-    } else {
-        Err(shape_error(field, matrix, expected))
+/// The values of a 3×3 matrix, row by row. A sequence of nine numbers is one too.
+fn square(fields: &Fields, field: &'static str) -> Result<Vec<f64>, CalibrationProblem> {
+    let matrix = matrix(fields, field, "a 3×3 matrix")?;
+    match (matrix.rows, matrix.cols, matrix.values.len()) {
+        (3, 3, 9) | (9, 1, 9) => Ok(matrix.values),
+        (3, 1, 3) | (1, 3, 3) => Err(shape_error(
+            field,
+            &matrix,
+            "3×3; if it is a rotation vector, as cv::calibrateCamera returns it, convert it with cv::Rodrigues",
+        )),
+        _ => Err(shape_error(field, &matrix, "3×3")),
     }
 }
 
-fn finite<'m>(matrices: &'m Matrices, field: &'static str) -> Result<&'m Matrix, CalibrationProblem> {
-    let matrix = matrices.get(field).ok_or(CalibrationProblem::Missing { field })?;
+/// The matrix of a field, all its values finite.
+fn matrix(fields: &Fields, field: &'static str, expected: &'static str) -> Result<Matrix, CalibrationProblem> {
+    let node =
+        fields.get(field).ok_or_else(|| CalibrationProblem::Missing { field, hint: other_origin::hint(fields) })?;
+    let matrix = node.matrix().ok_or_else(|| CalibrationProblem::Kind { field, found: node.kind(), expected })?;
     match matrix.values.iter().position(|v| !v.is_finite()) {
         Some(index) => Err(CalibrationProblem::NotFinite { field, index, value: matrix.values[index] }),
         None => Ok(matrix),

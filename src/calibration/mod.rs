@@ -1,4 +1,4 @@
-//! Calibration files: OpenCV FileStorage YAML to a checked [`Rig`] (paper, section 2.1).
+//! Calibration files: OpenCV FileStorage (YAML, XML or JSON) to a checked [`Rig`] (paper, section 2.1).
 //!
 //! In: a file with `K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp` and the unit of its lengths. Out: a [`Rig`] in
 //! metres whose every number was checked, or an error that names file, field, value and remedy. Cost: once per rig;
@@ -6,13 +6,18 @@
 
 mod check;
 mod file_storage;
+mod mistakes;
+mod other_origin;
 mod unit;
 mod write;
 
 use std::path::{Path, PathBuf};
 
+use fringeflow_base::text_file::{TextError, read_text};
+
 use crate::geometry::Rig;
 
+pub use mistakes::{LikelyMistake, Mistake, likely_mistake};
 pub use unit::{Unit, UnknownUnit};
 pub use write::{calibration_text, write_calibration};
 
@@ -30,17 +35,35 @@ pub struct CalibrationError {
 /// What is wrong with a calibration file.
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrationProblem {
-    /// The file cannot be read.
-    #[error("cannot be read: {0}")]
-    Unreadable(#[source] std::io::Error),
-    /// It is not FileStorage YAML.
-    #[error("is not an OpenCV FileStorage YAML file: {0}")]
+    /// The file cannot be read, or is not text.
+    #[error(transparent)]
+    Text(#[from] TextError),
+    /// It is not a FileStorage file.
+    #[error("is not a file of OpenCV's FileStorage (YAML, XML or JSON): {0}")]
     NotFileStorage(String),
     /// A field is absent.
-    #[error("field {field} is missing; a calibration has K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp")]
+    #[error("field {field} is missing; a calibration has K1 D1 size1 K2 D2 size2 Kp Dp sizep R2 T2 Rp Tp{hint}")]
     Missing {
         /// Name of the field.
         field: &'static str,
+        /// What the file holds instead, and what to do.
+        hint: String,
+    },
+    /// A field holds another kind of value.
+    #[error("field {field} is {found}; expected {expected}")]
+    Kind {
+        /// Name of the field.
+        field: &'static str,
+        /// What it is.
+        found: String,
+        /// Expected kind and shape.
+        expected: &'static str,
+    },
+    /// The file states a camera model that is not supported.
+    #[error("states the camera model {model}, which is not supported: calibrate with the pinhole model")]
+    OtherModel {
+        /// The field and its value.
+        model: String,
     },
     /// A matrix has the wrong shape.
     #[error("field {field} is {rows}×{cols} with {values} values; expected {expected}")]
@@ -96,6 +119,19 @@ pub enum CalibrationProblem {
         tau_x: f64,
         /// Tilt about y, rad.
         tau_y: f64,
+    },
+    /// The tangential distortion is larger than that of any lens.
+    #[error(
+        "field {field}: the tangential coefficients are p1 = {p1} and p2 = {p2}, beyond those of any lens; the order is \
+         k1 k2 p1 p2 k3; are these the coefficients of a fisheye model (k1 k2 k3 k4), or in another order?"
+    )]
+    Tangential {
+        /// Name of the field.
+        field: &'static str,
+        /// Third coefficient.
+        p1: f64,
+        /// Fourth coefficient.
+        p2: f64,
     },
     /// The distortion folds over inside the image.
     #[error(
@@ -157,9 +193,9 @@ pub fn read_calibration(path: &Path, unit: Unit) -> Result<Rig, CalibrationError
 /// Reads the text of a calibration file without checking it.
 ///
 /// # Errors
-/// [`CalibrationProblem::Unreadable`].
+/// [`CalibrationProblem::Text`].
 pub fn read_calibration_text(path: &Path) -> Result<String, CalibrationError> {
-    let text = std::fs::read_to_string(path).map_err(CalibrationProblem::Unreadable);
+    let text = read_text(path).map_err(CalibrationProblem::from);
     text.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
 }
 
@@ -168,7 +204,11 @@ pub fn read_calibration_text(path: &Path) -> Result<String, CalibrationError> {
 /// # Errors
 /// [`CalibrationProblem`], which names field and value.
 pub fn parse_calibration(text: &str, unit: Unit) -> Result<Rig, CalibrationProblem> {
-    check::rig(&file_storage::parse(text)?, unit)
+    let fields = file_storage::parse(text)?;
+    if let Some(model) = other_origin::other_model(&fields) {
+        return Err(CalibrationProblem::OtherModel { model });
+    }
+    check::rig(&fields, unit)
 }
 
 /// Checks that images (width and height, pixels) have the size that the rig was calibrated for.

@@ -1,5 +1,6 @@
 //! How a segment table is stored: its smooth fields, and the limits of its segments.
 
+use crate::calibration::LikelyMistake;
 use crate::geometry::EpipolarError;
 
 use super::patches::PATCH_PX;
@@ -52,6 +53,9 @@ pub enum SegmentTableError {
         /// Pixels of C1.
         pixels: usize,
     },
+    /// Cameras and projector see little of the volume, and a mistake in the calibration explains it.
+    #[error("the calibration does not fit the measurement volume: {0}")]
+    Mistake(LikelyMistake),
     /// The projector never lights the volume.
     #[error("the projector does not look at the measurement volume; check Rp, Tp and the volume's pose")]
     NeverLit,

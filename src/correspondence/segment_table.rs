@@ -8,6 +8,7 @@
 
 use fringeflow_simd::{Kernel, Lanes, Level};
 
+use crate::calibration::likely_mistake;
 use crate::geometry::{EpipolarFrame, FringePattern, MeasurementVolume, Rig};
 
 use super::drift::DriftModes;
@@ -86,9 +87,12 @@ impl SegmentTable {
     /// ```
     ///
     /// # Errors
-    /// The rig has no epipolar frame, C2 never sees the volume, or P never lights it.
+    /// The rig has no epipolar frame, C2 never sees the volume, P never lights it, or they would with another pose.
     pub fn build(rig: &Rig, volume: &MeasurementVolume, pattern: &FringePattern) -> Result<Self, SegmentTableError> {
         let frame = EpipolarFrame::new(rig)?;
+        if let Some(mistake) = likely_mistake(rig, volume) {
+            return Err(SegmentTableError::Mistake(mistake));
+        }
         let builder = Builder { rig, volume, pattern, frame: &frame };
         let fields = builder.fields();
         let limits = builder.limits(&fields);

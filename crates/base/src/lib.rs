@@ -1,4 +1,4 @@
-//! Shared by all other crates: grey levels, limits, outcomes of pixels, Eq. (1), atomic writes, PNG encoding.
+//! Shared by all other crates: grey levels, limits, outcomes of pixels, Eq. (1), atomic writes, text files, PNG encoding.
 //!
 //! ```text
 //! base ◄── message ◄── transport ◄── services
@@ -23,3 +23,4 @@ pub mod grey;
 pub mod limits;
 pub mod outcome;
 pub mod png_encoding;
+pub mod text_file;

@@ -42,6 +42,7 @@ use fringeflow::correspondence::{MatchSettings, Model, ResolutionMethod, Resolut
 use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::Validity;
 use fringeflow::reconstruction::Settings;
+use fringeflow_base::text_file::{TextError, read_text};
 use fringeflow_telemetry::health::HealthLimits;
 
 use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
@@ -90,9 +91,9 @@ pub struct ConfigurationError {
 /// What is wrong with a configuration file.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationProblem {
-    /// The file cannot be read.
-    #[error("cannot be read: {0}")]
-    Unreadable(#[source] std::io::Error),
+    /// The file cannot be read, or is not text.
+    #[error(transparent)]
+    Text(#[from] TextError),
     /// The text is not TOML, or has an unknown key or a wrong type.
     #[error("is not a valid configuration: {0}")]
     Toml(String),
@@ -167,7 +168,7 @@ impl Configuration {
     /// # Errors
     /// [`ConfigurationError`], which names file, key and value.
     pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
-        let text = std::fs::read_to_string(path).map_err(ConfigurationProblem::Unreadable);
+        let text = read_text(path).map_err(ConfigurationProblem::from);
         text.and_then(|text| Self::parse(&text))
             .map_err(|problem| ConfigurationError { file: path.to_owned(), problem })
     }

@@ -7,6 +7,7 @@ use fringeflow::calibration::{CalibrationError, Unit, calibration_text, parse_ca
 use fringeflow::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
+use fringeflow_base::text_file::read_text;
 use fringeflow_dataset::{DatasetDescription, FringeSequence, SetupText};
 use fringeflow_pixels::DeviceImages;
 
@@ -117,7 +118,7 @@ impl ScannerConfiguration {
     /// [`ConfigurationError`], which names file, key and value.
     pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
         let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
-        let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
+        let text = read_text(path).map_err(|e| fail(e.into()))?;
         Self::parse(&text, path.parent().unwrap_or(Path::new("."))).map_err(fail)
     }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use fringeflow::calibration::CalibrationError;
 use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
+use fringeflow_base::text_file::TextError;
 use fringeflow_pixels::SourceFormat;
 
 use crate::FOLDER_OF_BOTH;
@@ -45,6 +46,9 @@ pub enum Problem {
     /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
+    /// A text file cannot be read, or is not text.
+    #[error(transparent)]
+    Text(#[from] TextError),
     /// The file cannot be written.
     #[error("cannot be written: {0}")]
     Unwritable(#[source] std::io::Error),

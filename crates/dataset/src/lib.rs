@@ -51,6 +51,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use fringeflow::calibration::{self, Unit};
 use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::text_file;
 use fringeflow_pixels::DeviceImages;
 
 use image_files::ImageFiles;
@@ -294,7 +295,7 @@ impl Dataset {
 }
 
 fn read_text(path: &Path) -> Result<String, DatasetError> {
-    std::fs::read_to_string(path).map_err(|e| DatasetError::new(path, Problem::Unreadable(e)))
+    text_file::read_text(path).map_err(|e| DatasetError::new(path, e.into()))
 }
 
 fn folder_name(folder: &Path) -> String {

@@ -10,6 +10,7 @@ use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Reado
 use fringeflow::phase::GrayCode;
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::MIN_STEPS;
+use fringeflow_base::text_file::read_text;
 use fringeflow_pixels::DeviceImages;
 
 use super::error::{DatasetError, Problem};
@@ -216,7 +217,7 @@ impl VolumeDescription {
 /// # Errors
 /// The file is unreadable, a field is missing, the matrix is not a rotation, or the box is empty.
 pub fn read_volume(path: &Path, unit: Unit) -> Result<MeasurementVolume, DatasetError> {
-    let text = std::fs::read_to_string(path).map_err(Problem::Unreadable);
+    let text = read_text(path).map_err(Problem::from);
     let raw = text
         .and_then(|text| serde_json::from_str::<VolumeDescription>(&text).map_err(|e| Problem::Json(e.to_string())));
     raw.and_then(|raw| raw.to_volume(unit)).map_err(|problem| DatasetError::new(path, problem))

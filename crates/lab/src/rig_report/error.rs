@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use fringeflow::calibration::LikelyMistake;
+
 /// One of the three devices of a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Device {
@@ -45,6 +47,9 @@ pub enum RigReportError {
         /// Distance of the centres, metres.
         base_m: f64,
     },
+    /// The devices see little of the volume, and a mistake in the calibration explains it.
+    #[error("the calibration does not fit the measurement volume: {0}")]
+    Mistake(LikelyMistake),
     /// A device does not see the volume.
     #[error(
         "{device} never sees the measurement volume, whose centre is at ({x_m:.4}, {y_m:.4}, {z_m:.4}) m in the frame \

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use serde::Serialize;
 
+use fringeflow::calibration::likely_mistake;
 use fringeflow::geometry::{Pixel, Point3, Vector3};
 
 use super::segment::{self, Segment};
@@ -117,6 +118,9 @@ fn depth_per_rad_m(setup: &RigSetup, point: &Point3) -> f64 {
 
 /// Computes the coverage of image and volume.
 pub(super) fn coverage(setup: &RigSetup, grid_step_px: usize) -> Result<Coverage, RigReportError> {
+    if let Some(mistake) = likely_mistake(&setup.rig, &setup.volume) {
+        return Err(RigReportError::Mistake(mistake));
+    }
     let [cam1, cam2, projector, all] = seen_shares(setup);
     let centre = setup.centre_cam1();
     for (device, share) in [(Device::Cam1, cam1), (Device::Cam2, cam2), (Device::Projector, projector)] {

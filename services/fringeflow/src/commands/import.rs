@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::Unit;
 use fringeflow::reconstruction::Settings;
-use fringeflow_config::{Configuration, ConfigurationError, ConfigurationProblem};
+use fringeflow_base::text_file::read_text;
+use fringeflow_config::{Configuration, ConfigurationError};
 use fringeflow_dataset::Dataset;
 use fringeflow_recording::{ImportOptions, import};
 
@@ -72,7 +73,7 @@ impl Args {
 /// Reads a configuration file and checks that it is valid. Returns its text.
 fn configuration_text(path: &Path) -> Result<String, ConfigurationError> {
     let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
-    let text = std::fs::read_to_string(path).map_err(|e| fail(ConfigurationProblem::Unreadable(e)))?;
+    let text = read_text(path).map_err(|e| fail(e.into()))?;
     Configuration::parse(&text).map_err(fail)?;
     Ok(text)
 }
