@@ -28,7 +28,31 @@ pub struct PhaseMap {
     pub motion: Option<Motion>,
 }
 
+/// Distance of the pixels at which the brightness is sampled, pixels.
+const BRIGHTNESS_STRIDE_PX: usize = 8;
+/// Share of these pixels that may be brighter than the brightest grey level: hot pixels and highlights.
+const BRIGHTER_SHARE: f64 = 1e-3;
+
 impl PhaseMap {
+    /// Share of the pixels without fringes: their modulation is too low for a phase, and no sample is saturated.
+    #[must_use]
+    pub fn unlit_share(&self) -> f64 {
+        1.0 - self.exposure.lit_pixels as f64 / (self.width * self.height).max(1) as f64
+    }
+
+    /// Share of the range of grey levels above the brightest grey level of the fringes. Almost 1 if the values have
+    /// fewer bits than their format.
+    #[must_use]
+    pub fn unused_range_share(&self) -> f64 {
+        let rows = (0..self.height).step_by(BRIGHTNESS_STRIDE_PX);
+        let pixels = rows.flat_map(|v| (0..self.width).step_by(BRIGHTNESS_STRIDE_PX).map(move |u| v * self.width + u));
+        let mut greys: Vec<f32> = pixels.map(|i| f32::from(self.mean[i]) + self.modulation[i].grey()).collect();
+        let brighter = (greys.len() as f64 * BRIGHTER_SHARE) as usize;
+        let Some(index) = greys.len().checked_sub(brighter + 1) else { return 0.0 };
+        let (_, brightest_grey, _) = greys.select_nth_unstable_by(index, f32::total_cmp);
+        (1.0 - f64::from(*brightest_grey) / f64::from(u8::MAX)).max(0.0)
+    }
+
     /// Changes the size. The contents of the planes are then meaningless.
     pub(super) fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);

@@ -74,6 +74,13 @@ pub enum ShiftError {
     },
 }
 
+/// Whether phase shifts that should be in radians are in degrees: all of them are multiples of half a degree, and some
+/// are more than a turn in radians. Radians of a cycle are fractions of 2π and never are.
+#[must_use]
+pub fn look_like_degrees(shifts_rad: &[f64]) -> bool {
+    shifts_rad.iter().all(|shift| (2.0 * shift).fract() == 0.0) && shifts_rad.iter().any(|shift| shift.abs() > TAU)
+}
+
 impl PhaseShifts {
     /// Shifts of N images, rad.
     ///

@@ -157,13 +157,29 @@ impl Reconstructor {
         cam2: &[GreyLevels<'_>],
         prior: Option<(&Prior, Moment)>,
     ) -> Result<Reconstruction, ReconstructionError> {
-        let (mut maps, mut found, mut cloud) = (PhasePair::default(), Correspondences::default(), Cloud::default());
-        self.phase.step(first_step, cam1, cam2, prior, &mut maps)?;
+        let maps = self.decode(first_step, cam1, cam2, prior)?;
+        let (mut found, mut cloud) = (Correspondences::default(), Cloud::default());
         self.correspondence.step(&maps, &mut found)?;
         self.cloud.step(&found, &mut cloud);
         let mut matches = found.matches;
         mark_missing_points(&cloud, &mut matches, maps.cam1.width);
         Ok(Reconstruction { cloud, cam1: maps.cam1, cam2: maps.cam2, matches })
+    }
+
+    /// The first stage of [`Self::reconstruct`] alone: the decoded phase of both cameras.
+    ///
+    /// # Errors
+    /// The images do not fit rig, shifts or each other.
+    pub fn decode(
+        &mut self,
+        first_step: usize,
+        cam1: &[GreyLevels<'_>],
+        cam2: &[GreyLevels<'_>],
+        prior: Option<(&Prior, Moment)>,
+    ) -> Result<PhasePair, ImagesError> {
+        let mut maps = PhasePair::default();
+        self.phase.step(first_step, cam1, cam2, prior, &mut maps)?;
+        Ok(maps)
     }
 }
 

@@ -54,6 +54,8 @@ fn raw_limits(raw: &RawHealth, quantity: Quantity) -> Option<RawLimits> {
         Quantity::Slipped => raw.slipped_share,
         Quantity::Unexplained => raw.unexplained_share,
         Quantity::FalseCandidates => raw.false_candidates,
+        Quantity::UnlitCam1 | Quantity::UnlitCam2 => raw.unlit_share,
+        Quantity::UnusedRangeCam1 | Quantity::UnusedRangeCam2 => raw.unused_range_share,
     }
 }
 

@@ -80,6 +80,8 @@ pub(super) struct RawHealth {
     pub(super) slipped_share: Option<RawLimits>,
     pub(super) unexplained_share: Option<RawLimits>,
     pub(super) false_candidates: Option<RawLimits>,
+    pub(super) unlit_share: Option<RawLimits>,
+    pub(super) unused_range_share: Option<RawLimits>,
 }
 
 #[derive(Clone, Copy, Deserialize)]

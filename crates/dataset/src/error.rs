@@ -55,12 +55,47 @@ pub enum Problem {
     /// A new dataset folder cannot be created, because its path already exists.
     #[error("already exists and is not an empty folder; choose another path or remove it first")]
     TargetExists,
+    /// The folder lacks the files of a dataset.
+    #[error(
+        "is not a dataset folder: it has no {missing}. A dataset folder has meta.json (pattern, volume), calibration.yml, \
+         and phase_00.png and so on in cam1/ and cam2/, see docs/guide/datasets.md; `fringeflow simulate --object nose -o \
+         FOLDER` makes an example"
+    )]
+    NotADataset {
+        /// Files and folders that are missing.
+        missing: String,
+    },
+    /// Several calibrations.
+    #[error("is a second calibration beside {}; remove one of them", other.display())]
+    TwoCalibrations {
+        /// The other file.
+        other: PathBuf,
+    },
+    /// The cameras have images of different sizes.
+    #[error(
+        "is {} × {} pixels, and the images of camera 1 are {} × {}; both cameras must have images of one size: crop the \
+         larger ones, and move cx and cy in the calibration accordingly", cam2_px[0], cam2_px[1], cam1_px[0], cam1_px[1]
+    )]
+    TwoSizes {
+        /// Width and height of the images of camera 1.
+        cam1_px: [usize; 2],
+        /// Width and height of the images of camera 2.
+        cam2_px: [usize; 2],
+    },
     /// Neither the folder nor the user specifies a unit.
     #[error("field unit is missing; add \"unit\": \"mm\" or give --units mm|m")]
     NoUnit,
     /// `meta.json` is not valid JSON or lacks a field.
     #[error("is not valid: {0}")]
     Json(String),
+    /// A field that is not known, with the name of a known one in mind.
+    #[error("field {field} is not known; is {meant} meant?")]
+    Misspelt {
+        /// The field, with the objects around it.
+        field: String,
+        /// The field that it resembles.
+        meant: &'static str,
+    },
     /// A field has an invalid value.
     #[error("field {field}: {what}")]
     Field {
@@ -73,8 +108,11 @@ pub enum Problem {
     #[error("field volume: {0}")]
     Volume(#[from] VolumeError),
     /// An image that `meta.json` lists does not exist.
-    #[error("is missing, although meta.json lists it")]
-    MissingImage,
+    #[error("is missing, although meta.json lists it; its folder holds {found}")]
+    MissingImage {
+        /// Names of the files in the folder.
+        found: String,
+    },
     /// There are more images than `meta.json` lists.
     #[error("is one image too many: meta.json lists {listed} images named {kind}_NN.png")]
     ExtraImage {
@@ -90,8 +128,17 @@ pub enum Problem {
     )]
     NoSource,
     /// The same image exists twice.
-    #[error("exists as .png and as .raw; remove one of them")]
-    TwoFiles,
+    #[error("is the same image as {}; remove one of them", other.display())]
+    TwoFiles {
+        /// The other file.
+        other: PathBuf,
+    },
+    /// An image compressed as JPEG.
+    #[error(
+        "is a JPEG image, whose compression changes grey levels and with them the phase: save images as PNG or TIFF; if \
+         the camera sends JPEG, add the field source to meta.json: \"source\": {{ \"format\": \"MJPG\" }}"
+    )]
+    Jpeg,
     /// The folder with the images of a camera does not exist.
     #[error("is not a folder; it holds the images of a camera, phase_00.png and so on")]
     NoCameraFolder,
@@ -141,9 +188,12 @@ pub enum Problem {
     /// An image as the camera sent it cannot be converted.
     #[error("cannot be converted: {0}")]
     SourceImage(String),
-    /// The file is not an intact PNG.
-    #[error("is not an intact PNG image: {0}")]
-    Png(String),
+    /// The file is not an intact image.
+    #[error("is not an intact image: {0}")]
+    Image(String),
+    /// An image file of a kind that is not read.
+    #[error("is not an image in PNG, TIFF, BMP or PGM; save it as grey PNG")]
+    OtherImage,
     /// The image has the wrong size.
     #[error("is {width} × {height} pixels; expected {expected_width} × {expected_height}")]
     ImageSize {

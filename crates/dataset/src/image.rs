@@ -1,7 +1,5 @@
-//! Grey images and their PNG files.
+//! Grey images and their files.
 
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
 
 use fringeflow_base::atomic_file::{WriteError, write_atomically};
@@ -9,6 +7,7 @@ use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_base::png_encoding;
 
 use super::Problem;
+use super::decode::{Decoded, ImageFile};
 
 /// A grey image, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,85 +36,47 @@ impl GreyImage {
     }
 }
 
-/// Reads a PNG as a grey image. Colours are converted if nothing is lost. If `format` is `None`, the image has the
-/// depth of the file, 8 or 16 bits. Otherwise the values must fit the format.
+/// Reads a PNG, TIFF, BMP or PGM file as a grey image. Colours are converted if nothing is lost. If `format` is `None`,
+/// the image has the depth of the file. Otherwise the values must fit the format.
 ///
 /// # Errors
 /// The file is unreadable or damaged, its size is not `expected_px`, or its values do not fit the format.
-pub fn read_png(
+pub fn read_grey(
     path: &Path,
     expected_px: Option<[usize; 2]>,
     format: Option<PixelFormat>,
 ) -> Result<GreyImage, Problem> {
-    let Decoded { width, height, depth, channels, samples } = decode(path, expected_px)?;
-    let is_deep = depth == png::BitDepth::Sixteen;
+    let Decoded { size_px: [width, height], format: stored, channels, samples } = decoded(path, expected_px)?;
+    let is_deep = stored != PixelFormat::Grey;
     let grey = grey_channel(samples, channels, width, if is_deep { u16::MAX } else { 255 })?;
-    let format = format.unwrap_or(depth_of(depth));
+    let format = format.unwrap_or(stored);
     if !is_deep && format != PixelFormat::Grey {
         return Err(Problem::Shallow { bits: format.bits() });
     }
     Ok(GreyImage { width, height, format, pixels: stored_bytes(&grey, format, width)? })
 }
 
-/// Reads a PNG with red, green and blue of 8 bits as bytes R G B, row by row.
+/// Reads a file with red, green and blue of 8 bits as bytes R G B, row by row.
 ///
 /// # Errors
 /// The file is unreadable or damaged, its size is not `expected_px`, or it does not have three colours of 8 bits.
-pub(super) fn read_rgb_png(path: &Path, expected_px: [usize; 2]) -> Result<Vec<u8>, Problem> {
-    let Decoded { depth, channels, samples, .. } = decode(path, Some(expected_px))?;
-    if depth == png::BitDepth::Sixteen || channels != 3 {
+pub(super) fn read_rgb(path: &Path, expected_px: [usize; 2]) -> Result<Vec<u8>, Problem> {
+    let Decoded { format, channels, samples, .. } = decoded(path, Some(expected_px))?;
+    if format != PixelFormat::Grey || channels != 3 {
         return Err(Problem::NotRgb { channels });
     }
     Ok(samples.into_iter().map(|sample| sample as u8).collect())
 }
 
-/// The content of a PNG file.
-struct Decoded {
-    width: usize,
-    height: usize,
-    depth: png::BitDepth,
-    channels: usize,
-    /// The channels of each pixel, row by row.
-    samples: Vec<u16>,
-}
-
-fn decode(path: &Path, expected_px: Option<[usize; 2]>) -> Result<Decoded, Problem> {
-    let file = File::open(path).map_err(Problem::Unreadable)?;
-    let mut decoder = png::Decoder::new(BufReader::new(file));
-    decoder.set_transformations(png::Transformations::EXPAND);
-    let damaged = |e: png::DecodingError| Problem::Png(e.to_string());
-    let mut reader = decoder.read_info().map_err(damaged)?;
-    let (width, height) = (reader.info().width as usize, reader.info().height as usize);
-    if let Some([expected_width, expected_height]) = expected_px
-        && [width, height] != [expected_width, expected_height]
-    {
-        return Err(Problem::ImageSize { width, height, expected_width, expected_height });
+fn decoded(path: &Path, expected_px: Option<[usize; 2]>) -> Result<Decoded, Problem> {
+    let opened = ImageFile::open(path)?;
+    let [width, height] = opened.size_px();
+    match expected_px {
+        Some([expected_width, expected_height]) if [width, height] != [expected_width, expected_height] => {
+            Err(Problem::ImageSize { width, height, expected_width, expected_height })
+        }
+        _ => opened.decode(),
     }
-    let too_large = || Problem::Png(format!("{width} × {height} pixels do not fit into memory"));
-    let mut bytes = vec![0; reader.output_buffer_size().ok_or_else(too_large)?];
-    let info = reader.next_frame(&mut bytes).map_err(damaged)?;
-    reader.finish().map_err(damaged)?;
-    bytes.truncate(info.buffer_size());
-    let samples = match info.bit_depth {
-        png::BitDepth::Sixteen => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
-        _ => bytes.iter().map(|&b| u16::from(b)).collect(),
-    };
-    Ok(Decoded { width, height, depth: info.bit_depth, channels: info.color_type.samples(), samples })
-}
-
-/// Returns the bit depth of a PNG file.
-///
-/// # Errors
-/// The file cannot be read or is not a PNG.
-pub(super) fn depth_of_file(path: &Path) -> Result<PixelFormat, Problem> {
-    let file = File::open(path).map_err(Problem::Unreadable)?;
-    let reader = png::Decoder::new(BufReader::new(file)).read_info();
-    let reader = reader.map_err(|e| Problem::Png(e.to_string()))?;
-    Ok(depth_of(reader.info().bit_depth))
-}
-
-fn depth_of(depth: png::BitDepth) -> PixelFormat {
-    if depth == png::BitDepth::Sixteen { PixelFormat::Y16 } else { PixelFormat::Grey }
 }
 
 /// Writes a grey PNG with 8 bits, or with 16 bits for deeper images, whose values stay unchanged.
@@ -182,10 +143,10 @@ mod tests {
             let values = [0, 1, format.max_value() / 3, format.max_value() - 1, format.max_value(), 77];
             let image = GreyImage { width: 3, height: 2, format, pixels: stored_bytes(&values, format, 3).unwrap() };
             let (_folder, path) = written(&image);
-            assert_eq!(read_png(&path, Some([3, 2]), Some(format)).unwrap(), image);
+            assert_eq!(read_grey(&path, Some([3, 2]), Some(format)).unwrap(), image);
             // The PNG file itself has 8 or 16 bits.
             let unknown = if format == PixelFormat::Grey { format } else { PixelFormat::Y16 };
-            assert_eq!(read_png(&path, None, None).unwrap(), GreyImage { format: unknown, ..image });
+            assert_eq!(read_grey(&path, None, None).unwrap(), GreyImage { format: unknown, ..image });
         }
     }
 
@@ -199,11 +160,11 @@ mod tests {
             pixels: stored_bytes(&values, PixelFormat::Y14, 2).unwrap(),
         };
         let (_folder, path) = written(&deep);
-        let refused = read_png(&path, None, Some(PixelFormat::Y12)).unwrap_err();
+        let refused = read_grey(&path, None, Some(PixelFormat::Y12)).unwrap_err();
         assert!(matches!(refused, Problem::Depth { bits: 12, u: 0, v: 1, value: 4096 }), "{refused}");
         let (_folder, path) =
             written(&GreyImage { width: 2, height: 1, format: PixelFormat::Grey, pixels: vec![1, 2] });
-        let refused = read_png(&path, None, Some(PixelFormat::Y10)).unwrap_err();
+        let refused = read_grey(&path, None, Some(PixelFormat::Y10)).unwrap_err();
         assert!(matches!(refused, Problem::Shallow { bits: 10 }), "{refused}");
     }
 }

@@ -5,6 +5,13 @@ use std::path::{Path, PathBuf};
 
 use super::{DatasetError, Problem};
 
+/// Endings of image files that hold grey levels.
+const GREY_ENDINGS: [&str; 6] = ["png", "tif", "tiff", "bmp", "pgm", "pnm"];
+/// Endings of images as the camera sent them.
+const SOURCE_ENDINGS: [&str; 3] = ["raw", "jpg", "jpeg"];
+/// Most files that an error names.
+const MOST_NAMES: usize = 6;
+
 /// The images of a folder.
 #[derive(Clone, Copy)]
 pub(super) struct ImageFiles<'a> {
@@ -15,37 +22,40 @@ pub(super) struct ImageFiles<'a> {
 }
 
 impl ImageFiles<'_> {
-    /// Files `KIND_NN.png` and `KIND_NN.raw` of the folder, by number.
-    pub(super) fn numbered(&self, kind: &str) -> Result<BTreeMap<usize, PathBuf>, DatasetError> {
-        let unreadable = |e| DatasetError::new(self.folder, Problem::Unreadable(e));
+    /// Files `KIND_NN.png` and so on of the folder, by number from 0. Numbers may begin with 1.
+    pub(super) fn numbered(&self, kind: &str, count: usize) -> Result<BTreeMap<usize, PathBuf>, DatasetError> {
         let mut found = BTreeMap::new();
-        for entry in std::fs::read_dir(self.folder).map_err(unreadable)? {
-            let path = entry.map_err(unreadable)?.path();
+        for path in self.files()? {
             let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
             let number = stem.strip_prefix(kind).and_then(|rest| rest.strip_prefix('_'));
-            let Some(number) = number.and_then(|number| number.parse().ok()) else { continue };
+            let Some(number) = number.and_then(|number| number.parse::<usize>().ok()) else { continue };
             if self.is_image(&path)?
-                && let Some(other) = found.insert(number, path)
+                && let Some(other) = found.insert(number, path.clone())
             {
-                return Err(DatasetError::new(&other, Problem::TwoFiles));
+                return Err(DatasetError::new(&path, Problem::TwoFiles { other }));
             }
         }
-        Ok(found)
+        let begins_with_one = count > 0 && found.keys().copied().eq(1..=count);
+        Ok(if begins_with_one { found.into_iter().map(|(number, path)| (number - 1, path)).collect() } else { found })
     }
 
-    /// The file `STEM.png` or `STEM.raw`, if there is one.
+    /// The image file `STEM.png` and so on, if there is one.
     pub(super) fn named(&self, stem: &str) -> Result<Option<PathBuf>, DatasetError> {
-        let files = ["png", "raw"].map(|extension| self.folder.join(stem).with_extension(extension));
-        match files.map(|path| (path.exists(), path)) {
-            [(true, png), (true, _)] => Err(DatasetError::new(&png, Problem::TwoFiles)),
-            [(true, path), _] | [_, (true, path)] => Ok(self.is_image(&path)?.then_some(path)),
-            _ => Ok(None),
+        let mut named = None;
+        for path in self.files()? {
+            if path.file_stem().is_some_and(|found| found == stem)
+                && self.is_image(&path)?
+                && let Some(other) = named.replace(path.clone())
+            {
+                return Err(DatasetError::new(&path, Problem::TwoFiles { other }));
+            }
         }
+        Ok(named)
     }
 
-    /// Checks that the folder has exactly the images `KIND_00` to `KIND_(count−1)`.
+    /// Checks that the folder has exactly `count` images of a kind.
     pub(super) fn check_numbers(&self, kind: &str, count: usize) -> Result<(), DatasetError> {
-        let found = self.numbered(kind)?;
+        let found = self.numbered(kind, count)?;
         if let Some(missing) = (0..count).find(|n| !found.contains_key(n)) {
             return Err(self.missing(kind, missing));
         }
@@ -57,17 +67,42 @@ impl ImageFiles<'_> {
         }
     }
 
-    /// The error about an image that does not exist.
+    /// The error about an image that does not exist. It names the files that are there instead.
     pub(super) fn missing(&self, kind: &str, number: usize) -> DatasetError {
-        DatasetError::new(&self.folder.join(format!("{kind}_{number:02}.png")), Problem::MissingImage)
+        let names = self.files().unwrap_or_default().into_iter();
+        let mut names: Vec<String> =
+            names.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned())).collect();
+        let more = if names.len() > MOST_NAMES { " …" } else { "" };
+        names.truncate(MOST_NAMES);
+        let found = if names.is_empty() { "nothing".to_owned() } else { format!("{}{more}", names.join(" ")) };
+        DatasetError::new(&self.folder.join(format!("{kind}_{number:02}.png")), Problem::MissingImage { found })
+    }
+
+    /// All entries of the folder, by name.
+    fn files(&self) -> Result<Vec<PathBuf>, DatasetError> {
+        let unreadable = |e| DatasetError::new(self.folder, Problem::Unreadable(e));
+        let entries = std::fs::read_dir(self.folder).map_err(unreadable)?;
+        let files = entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<Vec<_>, _>>();
+        let mut files = files.map_err(unreadable)?;
+        files.sort();
+        Ok(files)
     }
 
     /// Whether a file is an image, by its ending.
     fn is_image(&self, path: &Path) -> Result<bool, DatasetError> {
-        let is = |extension: &str| path.extension().is_some_and(|found| found == extension);
-        if is("raw") && !self.may_be_raw {
-            return Err(DatasetError::new(path, Problem::NoSource));
+        if is_of_source(path) && !self.may_be_raw {
+            let problem = if ending(path) == "raw" { Problem::NoSource } else { Problem::Jpeg };
+            return Err(DatasetError::new(path, problem));
         }
-        Ok(is("png") || is("raw"))
+        Ok(is_of_source(path) || GREY_ENDINGS.contains(&ending(path).as_str()))
     }
+}
+
+/// Whether a file holds an image as the camera sent it, by its ending.
+pub(super) fn is_of_source(path: &Path) -> bool {
+    SOURCE_ENDINGS.contains(&ending(path).as_str())
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }

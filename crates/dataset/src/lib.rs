@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! FOLDER/meta.json            unit, image size, pattern, phase shifts, measurement volume, motion of the object
-//! FOLDER/calibration.yml      OpenCV FileStorage
+//! FOLDER/calibration.yml      OpenCV FileStorage; also .yaml, .xml, .json
 //! FOLDER/cam1/, FOLDER/cam2/  phase_00.png …, gray_00.png … (most significant bit first), white.png, black.png;
 //!                             vphase_00.png …, vgray_00.png … for a second fringe direction
 //! FOLDER/truth.npz            ground truth, if it is known
@@ -33,11 +33,14 @@
 
 #![forbid(unsafe_code)]
 
+mod contents;
+mod decode;
 mod error;
 mod fields;
 mod image;
 mod image_files;
 mod meta;
+mod misspelt;
 mod motion;
 mod sequence;
 mod setup;
@@ -57,7 +60,7 @@ use fringeflow_pixels::DeviceImages;
 use image_files::ImageFiles;
 
 pub use error::{DatasetError, Problem};
-pub use image::{GreyImage, read_png, write_png};
+pub use image::{GreyImage, read_grey, write_png};
 pub use meta::{VolumeDescription, read_volume};
 pub use motion::Motion;
 pub use sequence::{FringeSequence, UnevenSteps, evenly_spaced};
@@ -136,11 +139,12 @@ impl Dataset {
         if !folder.is_dir() {
             return Err(DatasetError::new(folder, Problem::NotAFolder));
         }
+        let calibration = contents::calibration_file(folder)?;
         let text = SetupText {
             description: read_text(&folder.join(META_FILE))?,
-            calibration: calibration::read_calibration_text(&folder.join(CALIBRATION_FILE))?,
+            calibration: calibration::read_calibration_text(&calibration)?,
         };
-        let mut setup = Setup::parse(text, unit).map_err(|e| e.in_folder(folder))?;
+        let mut setup = Setup::parse(text, unit).map_err(|e| contents::explained(folder, &calibration, e))?;
         if setup.name.is_empty() {
             setup.name = folder_name(folder);
         }
@@ -151,10 +155,9 @@ impl Dataset {
             images_read: ImageCounter::default(),
         };
         dataset.check_images()?;
-        let first = dataset.image_folder(CameraId::Cam1).join(ImageKind::Phase(0).file_name());
         // An error in this file is reported when the image is read.
-        let stated = dataset.setup.pixel_format.or_else(|| image::depth_of_file(&first).ok());
-        dataset.pixel_format = stated.unwrap_or_default();
+        let stated_by_file = || contents::first_image(&dataset.image_folder(CameraId::Cam1))?.format().ok();
+        dataset.pixel_format = dataset.setup.pixel_format.or_else(stated_by_file).unwrap_or_default();
         Ok(dataset)
     }
 
@@ -169,7 +172,7 @@ impl Dataset {
     /// # Errors
     /// An image is unreadable, has another size, or is not grey with the stated depth.
     pub fn phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
-        self.numbered_images(camera, "phase", numbers)
+        self.numbered_images(camera, "phase", self.setup.sequence.shifts_rad.len(), numbers)
     }
 
     /// Reads phase images of the second fringe direction by number.
@@ -177,7 +180,8 @@ impl Dataset {
     /// # Errors
     /// As [`Self::phase_images`].
     pub fn second_phase_images(&self, camera: CameraId, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
-        self.numbered_images(camera, "vphase", numbers)
+        let count = self.setup.second_direction.as_ref().map_or(0, |second| second.shifts_rad.len());
+        self.numbered_images(camera, "vphase", count, numbers)
     }
 
     /// Reads all Gray-code images of one direction, most significant first; empty if there are none.
@@ -191,7 +195,7 @@ impl Dataset {
             (_, false) => ("gray", &self.setup.sequence),
         };
         let count = sequence.gray.map_or(0, |g| g.images);
-        self.numbered_images(camera, prefix, &(0..count).collect::<Vec<_>>())
+        self.numbered_images(camera, prefix, count, &(0..count).collect::<Vec<_>>())
     }
 
     /// Reads the fully lit and the unlit image of a camera; `None` unless the folder has both.
@@ -232,17 +236,24 @@ impl Dataset {
         }
     }
 
-    fn numbered_images(&self, camera: CameraId, kind: &str, numbers: &[usize]) -> Result<Vec<GreyImage>, DatasetError> {
+    /// Reads images of a kind with `count` images by number.
+    fn numbered_images(
+        &self,
+        camera: CameraId,
+        kind: &str,
+        count: usize,
+        numbers: &[usize],
+    ) -> Result<Vec<GreyImage>, DatasetError> {
         let folder = self.image_folder(camera);
         let files = self.image_files(&folder);
-        let available = files.numbered(kind)?;
+        let available = files.numbered(kind, count)?;
         let find = |number: &usize| available.get(number).ok_or_else(|| files.missing(kind, *number));
         numbers.iter().map(|n| find(n).and_then(|path| self.image(camera, path))).collect()
     }
 
     fn image(&self, camera: CameraId, path: &Path) -> Result<GreyImage, DatasetError> {
         let image = match self.setup.source {
-            None => read_png(path, Some(self.setup.image_size_px), Some(self.pixel_format)),
+            None => read_grey(path, Some(self.setup.image_size_px), Some(self.pixel_format)),
             Some(images) => {
                 let view = if images.holds_both_views() { camera as usize } else { 0 };
                 source::read(path, images, self.setup.readout, view)

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use fringeflow::calibration::Unit;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout};
-use fringeflow::phase::GrayCode;
+use fringeflow::phase::{GrayCode, look_like_degrees};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_base::text_file::read_text;
@@ -15,6 +15,7 @@ use fringeflow_pixels::DeviceImages;
 
 use super::error::{DatasetError, Problem};
 use super::fields::{field_problem, raw_pose, rigid_pose};
+use super::misspelt;
 use super::motion::{Motion, RawMotion};
 use super::sequence::FringeSequence;
 use super::source::RawSource;
@@ -140,6 +141,7 @@ pub(super) struct Meta {
 
 /// Reads and checks the text of `meta.json`.
 pub(super) fn parse(text: &str) -> Result<Meta, Problem> {
+    misspelt::check(text)?;
     let raw: RawMeta = serde_json::from_str(text).map_err(|e| Problem::Json(e.to_string()))?;
     let [width, height] = raw.image_size;
     if !(2..=65535).contains(&width) || !(2..=65535).contains(&height) {
@@ -229,6 +231,10 @@ fn checked_sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
             "phase_shift_rad",
             format!("value {i} is {shift}; every shift must be a finite number"),
         ));
+    }
+    if look_like_degrees(&raw.phase_shift_rad) {
+        let what = format!("{:?} look like degrees; write radians: degrees · π / 180", raw.phase_shift_rad);
+        return Err(field_problem("phase_shift_rad", what));
     }
     if !(raw.period_px.is_finite() && raw.period_px >= 2.0) {
         return Err(field_problem(

@@ -145,10 +145,10 @@ impl Setup {
 
 impl SetupError {
     /// Converts the error to one about the files of a folder.
-    pub(super) fn in_folder(self, folder: &Path) -> DatasetError {
+    pub(super) fn in_folder(self, folder: &Path, calibration: &Path) -> DatasetError {
         match self {
             Self::Description(problem) => DatasetError::new(&folder.join(META_FILE), problem),
-            Self::Calibration(problem) => CalibrationError { file: folder.join(CALIBRATION_FILE), problem }.into(),
+            Self::Calibration(problem) => CalibrationError { file: calibration.to_owned(), problem }.into(),
         }
     }
 }

@@ -13,7 +13,8 @@ use fringeflow_pixels::{BayerGrey, DeviceImages, ImageReader, SourceFormat, Ster
 
 use super::error::Problem;
 use super::fields::field_problem;
-use super::image::{GreyImage, read_png, read_rgb_png};
+use super::image::{GreyImage, read_grey, read_rgb};
+use super::image_files::is_of_source;
 
 /// The field `source`.
 #[derive(Deserialize, Serialize)]
@@ -78,7 +79,7 @@ pub(super) fn read(path: &Path, images: DeviceImages, readout: Readout, view: us
 
 /// Reads the bytes of an image without gaps.
 fn bytes_of(path: &Path, format: SourceFormat, [width, height]: [usize; 2]) -> Result<Vec<u8>, Problem> {
-    if path.extension().is_some_and(|extension| extension == "raw") {
+    if is_of_source(path) {
         let bytes = std::fs::read(path).map_err(Problem::Unreadable)?;
         let (expected, found) = (format.whole_bytes([width, height]), bytes.len());
         if !format.is_compressed() && found != expected {
@@ -88,8 +89,8 @@ fn bytes_of(path: &Path, format: SourceFormat, [width, height]: [usize; 2]) -> R
     }
     let stored = PixelFormat::ALL.into_iter().find(|&stored| format.stores_values_as(stored));
     match (format, stored) {
-        (_, Some(stored)) => read_png(path, Some([width, height]), Some(stored)).map(|image| image.pixels),
-        (SourceFormat::Rgb24, _) => read_rgb_png(path, [width, height]),
+        (_, Some(stored)) => read_grey(path, Some([width, height]), Some(stored)).map(|image| image.pixels),
+        (SourceFormat::Rgb24, _) => read_rgb(path, [width, height]),
         _ => Err(Problem::NotAPng { format }),
     }
 }

@@ -52,6 +52,10 @@ pub struct Fit {
     pub second_harmonic_share: f32,
     /// Amplitude of the third harmonic, likewise.
     pub third_harmonic_share: f32,
+    /// Share of the pixels without fringes; 0 if not measured.
+    pub unlit_share: f32,
+    /// Share of the range of grey levels above the brightest one; 0 if not measured.
+    pub unused_range_share: f32,
 }
 
 /// Number of values of a drift, see `fringeflow::correspondence::KnownDrift`.
@@ -63,7 +67,7 @@ pub type DriftNumbers = [f32; DRIFT_NUMBERS];
 /// Describes the phase maps of both cameras.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.MapsHeader.6")]
+#[type_name("fringeflow.MapsHeader.7")]
 pub struct MapsHeader {
     /// Number of maps published on the channel before this one.
     pub published: u64,

@@ -37,9 +37,9 @@ impl DriftReport {
 /// Results for one window: fringes, δ, and the outcomes of the pixels of camera 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend)]
-#[type_name("fringeflow.WindowReport.5")]
+#[type_name("fringeflow.WindowReport.6")]
 pub struct WindowReport {
-    /// Number of the correspondences in their channel.
+    /// Number of the correspondences in their channel; that of the ones before if the window has none.
     pub published: u64,
     /// The images.
     pub window: Window,

@@ -103,7 +103,7 @@ convert! {
 convert! {
     Fit = Fit, copies [
         valid_pixels, residual_share, noise_grey, noise_gain, motion_rad, fast_motion_rad, brightness_share,
-        one_surface_pixels, lost_pixels, lit_pixels, saturated_pixels, dim_pixels
+        one_surface_pixels, lost_pixels, lit_pixels, saturated_pixels, dim_pixels, unlit_share, unused_range_share
     ],
     from fit {
         second_harmonic_share: Some(fit.second_harmonic_share).filter(|share| *share >= 0.0),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use fringeflow_message::{GaugeReport, WindowReport};
 
-use crate::health::{HealthState, Quantity};
+use crate::health::{Gauge, Health, HealthLimits, HealthState, Measures, Quantity};
 
 /// Health at one window.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -69,9 +69,24 @@ impl HealthFigures {
     /// Returns the health in a window report, or `None` if the report comes from an older recording.
     #[must_use]
     pub fn from_report(report: &WindowReport) -> Option<Self> {
-        let gauges = Quantity::ALL.into_iter().zip(&report.health.gauges);
+        Self::from_gauges(report.health.gauges.iter())
+    }
+
+    /// The health that a single window shows: its values against the limits.
+    #[must_use]
+    pub fn of_window(measures: &Measures, limits: &HealthLimits) -> Self {
+        let mut health = Health::new(&limits.for_one_window());
+        health.add(0, measures);
+        let reports: Vec<GaugeReport> = health.gauges().iter().map(Gauge::report).collect();
+        Self::from_gauges(reports.iter()).unwrap_or(Self { state: HealthState::NotKnown, quantities: Vec::new() })
+    }
+
+    /// The gauges in the order of [`Quantity::ALL`]; `None` without any.
+    fn from_gauges<'a>(gauges: impl Iterator<Item = &'a GaugeReport>) -> Option<Self> {
         // Limits of 0 mark a gauge that the recording does not have.
-        let quantities: Vec<_> = gauges
+        let quantities: Vec<_> = Quantity::ALL
+            .into_iter()
+            .zip(gauges)
             .map(|(quantity, gauge)| GaugeFigures::new(quantity, gauge))
             .filter(|gauge| gauge.bad > 0.0)
             .collect();

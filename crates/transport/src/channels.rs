@@ -39,11 +39,11 @@ pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState
 /// |---|---|---|---|
 /// | `Cam1Frame`, `Cam2Frame` | `cam1/frame`, `cam2/frame` | slice of `u8` | `fringeflow.FrameHeader.1` |
 /// | `ProjectorPattern` | `projector/pattern` | `fringeflow.PatternEvent.1` | none |
-/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.6` |
+/// | `PhaseMaps` | `phase/maps` | slice of `fringeflow.Block.1` | `fringeflow.MapsHeader.7` |
 /// | `CorrespondenceMap` | `correspondence/map` | slice of `fringeflow.Block.1` | `fringeflow.CorrespondenceHeader.7` |
 /// | `Cloud` | `cloud` | slice of `u8` | `fringeflow.CloudHeader.5` |
 /// | `ReportStage` | `report/stage` | `fringeflow.StageReport.6` | none |
-/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.5` | none |
+/// | `ReportWindow` | `report/window` | `fringeflow.WindowReport.6` | none |
 /// | `TrackingPose` | `tracking/pose` | `fringeflow.PoseReport.2` | none |
 /// | `TrackingModel` | `tracking/model` | slice of `u8` | `fringeflow.ModelHeader.1` |
 /// | `TrackingPrior` | `tracking/prior` | slice of `u8` | `fringeflow.PriorHeader.2` |

@@ -1,7 +1,7 @@
 //! Health of the scanner: the measured quantities of a window, and the health as a report.
 
-use fringeflow::worker::Correspondences;
-use fringeflow_message::{Fit, GAUGES, HealthReport, MapsHeader};
+use fringeflow::correspondence::{Drift, Matches};
+use fringeflow_message::{Fit, GAUGES, HealthReport};
 use fringeflow_telemetry::health::{Health, Measures, Quantity};
 
 // A report has an entry for each quantity.
@@ -10,25 +10,12 @@ const _: () = assert!(Quantity::ALL.len() <= GAUGES);
 /// If the phase moves faster than this, rad per image, the motion dominates δ and hides the calibration.
 const MAX_STEADY_RAD: f64 = 0.4;
 
-/// Returns the measured quantities of a window, from the header of its phase maps and its correspondences. `is_in_step`
-/// states whether the images are known to show the declared phase shifts, see [`crate::in_step`].
+/// Returns the quantities of a window that its images alone show. `skew_ns` is the delay of camera 2 after camera 1.
 #[must_use]
-pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: bool) -> Measures {
-    let (cameras, matches) = ([&maps.cam1, &maps.cam2], &found.matches);
-    // A drift describes the scene, not the calibration, if few pixels agree with it.
-    let drift = matches.drift.as_ref().filter(|drift| drift.explains_most_pixels());
-    // After a slip, the images of a pair show different moments. During fast motion, the motion differs between the
-    // cameras. Neither is an error of the calibration.
-    let motion = cameras.iter().filter_map(|fit| with_motion(fit)).map(|fit| f64::from(fit.fast_motion_rad));
-    let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= MAX_STEADY_RAD;
-    let drift = drift.filter(|_| is_steady);
+pub fn image_measures(cameras: [&Fit; 2], skew_ns: i64) -> Measures {
     let fit = |camera: usize, value: fn(&Fit) -> Option<f64>| value(cameras[camera]);
     let greater = |value: fn(&Fit) -> Option<f64>| Some(value(cameras[0])?.max(value(cameras[1])?));
     Quantity::ALL.map(|quantity| match quantity {
-        Quantity::Drift => drift.map(|drift| drift.rms_rad),
-        Quantity::DeltaSd => is_steady.then_some(matches.delta.sd_rad),
-        Quantity::DeltaNoise => drift.map(|drift| drift.residual_sd_rad),
-        Quantity::DeltaMean => is_steady.then_some(matches.delta.mean_rad.abs()),
         Quantity::ResidualCam1 => fit(0, residual),
         Quantity::ResidualCam2 => fit(1, residual),
         Quantity::HarmonicsCam1 => fit(0, harmonics),
@@ -37,18 +24,49 @@ pub fn health_measures(maps: &MapsHeader, found: &Correspondences, is_in_step: b
         Quantity::SaturatedCam2 => fit(1, |fit| share(fit.saturated_pixels, fit.lit_pixels)),
         Quantity::DimCam1 => fit(0, |fit| share(fit.dim_pixels, fit.lit_pixels)),
         Quantity::DimCam2 => fit(1, |fit| share(fit.dim_pixels, fit.lit_pixels)),
-        Quantity::Skew => Some(maps.skew_ns.unsigned_abs() as f64 * 1e-6),
+        Quantity::UnlitCam1 => fit(0, |fit| Some(fit.unlit_share.into())),
+        Quantity::UnlitCam2 => fit(1, |fit| Some(fit.unlit_share.into())),
+        Quantity::UnusedRangeCam1 => fit(0, |fit| Some(fit.unused_range_share.into())),
+        Quantity::UnusedRangeCam2 => fit(1, |fit| Some(fit.unused_range_share.into())),
+        Quantity::Skew => Some(skew_ns.unsigned_abs() as f64 * 1e-6),
         Quantity::Motion => greater(|fit| with_motion(fit).map(|fit| fit.fast_motion_rad.into())),
         Quantity::Brightness => greater(|fit| with_motion(fit).map(|fit| fit.brightness_share.into())),
         Quantity::OneSurface => greater(|fit| share(with_motion(fit)?.one_surface_pixels, fit.valid_pixels)),
         Quantity::Lost => greater(|fit| share(with_motion(fit)?.lost_pixels, fit.lit_pixels)),
-        Quantity::Slipped => Some(f64::from(u8::from(matches.slip_steps != [0; 2]))),
-        Quantity::Unexplained => matches.drift.as_ref().filter(|_| is_in_step).map(|drift| 1.0 - drift.share),
-        Quantity::FalseCandidates => {
-            let drift = matches.drift.as_ref().filter(|_| is_steady);
-            drift.map(|drift| drift.residual_statistics(&matches.delta).expected_false_candidates())
-        }
+        Quantity::Drift
+        | Quantity::DeltaSd
+        | Quantity::DeltaNoise
+        | Quantity::DeltaMean
+        | Quantity::Slipped
+        | Quantity::Unexplained
+        | Quantity::FalseCandidates => None,
     })
+}
+
+/// Returns the measured quantities of a window, from the header of its phase maps and its matches. `is_in_step` states
+/// whether the images are known to show the declared phase shifts, see [`crate::in_step`].
+#[must_use]
+pub fn health_measures(cameras: [&Fit; 2], skew_ns: i64, matches: &Matches, is_in_step: bool) -> Measures {
+    // A drift describes the scene, not the calibration, if few pixels agree with it.
+    let drift = matches.drift.as_ref().filter(|drift| drift.explains_most_pixels());
+    // After a slip, the images of a pair show different moments. During fast motion, the motion differs between the
+    // cameras. Neither is an error of the calibration.
+    let motion = cameras.iter().filter_map(|fit| with_motion(fit)).map(|fit| f64::from(fit.fast_motion_rad));
+    let is_steady = is_in_step && matches.slip_steps == [0; 2] && motion.fold(0.0, f64::max) <= MAX_STEADY_RAD;
+    let drift = drift.filter(|_| is_steady);
+    let mut measures = image_measures(cameras, skew_ns);
+    let mut set = |quantity: Quantity, value: Option<f64>| measures[quantity as usize] = value;
+    set(Quantity::Drift, drift.map(|drift| drift.rms_rad));
+    set(Quantity::DeltaSd, is_steady.then_some(matches.delta.sd_rad));
+    set(Quantity::DeltaNoise, drift.map(|drift| drift.residual_sd_rad));
+    set(Quantity::DeltaMean, is_steady.then_some(matches.delta.mean_rad.abs()));
+    set(Quantity::Slipped, Some(f64::from(u8::from(matches.slip_steps != [0; 2]))));
+    let in_step = matches.drift.as_ref().filter(|_| is_in_step);
+    set(Quantity::Unexplained, in_step.map(|drift| 1.0 - drift.share));
+    let steady = matches.drift.as_ref().filter(|_| is_steady);
+    let efc = |drift: &Drift| drift.residual_statistics(&matches.delta).expected_false_candidates();
+    set(Quantity::FalseCandidates, steady.map(efc));
+    measures
 }
 
 /// Converts the health to a report.
@@ -114,7 +132,7 @@ mod tests {
         found.matches.drift = Some(drift(0.2, 0.01, 0.9));
         (found.matches.delta.sd_rad, found.matches.delta.mean_rad) = (0.21, -0.3);
         found.matches.delta.mean_periods = 6.0;
-        let measures = health_measures(&maps, &found, true);
+        let measures = health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true);
         let value = |quantity: Quantity| (measures[quantity as usize].unwrap() * 1e6).round() * 1e-6;
         for (quantity, expected) in [
             (Quantity::Drift, 0.2),
@@ -152,7 +170,7 @@ mod tests {
             let mut found = Correspondences::default();
             found.matches.drift = Some(drift(0.5, 0.01, 0.9));
             found.matches.slip_steps = slip_steps;
-            let measures = health_measures(&maps, &found, true);
+            let measures = health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true);
             assert_eq!(measures[Quantity::Slipped as usize], Some(f64::from(u8::from(slip_steps != [0; 2]))));
             of_calibration.map(|quantity| measures[quantity as usize].is_some())
         };
@@ -164,7 +182,7 @@ mod tests {
             matches: Matches { drift: Some(drift(0.5, 0.01, 0.9)), ..Matches::default() },
             ..Correspondences::default()
         };
-        let out_of_step = health_measures(&MapsHeader::default(), &found, false);
+        let out_of_step = health_measures([&Fit::default(); 2], 0, &found.matches, false);
         assert!(of_calibration.iter().all(|&quantity| out_of_step[quantity as usize].is_none()));
         // If motion is not measured, the scene counts as steady.
         assert_eq!(measures(-1.0, [0, 0]), [true; 5]);
@@ -182,7 +200,7 @@ mod tests {
         let maps = MapsHeader { cam1: fit(), cam2: silent, ..MapsHeader::default() };
         let mut found = Correspondences::default();
         found.matches.drift = Some(drift(0.9, 0.01, 0.3));
-        let measures = health_measures(&maps, &found, true);
+        let measures = health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true);
         let absent = Quantity::ALL.into_iter().filter(|&quantity| measures[quantity as usize].is_none());
         let expected = [
             Quantity::Drift,
@@ -207,7 +225,7 @@ mod tests {
         for window in 0..5 {
             let report = health_report(&health);
             assert_eq!(report.gauges[Quantity::Drift as usize].known(), None, "{window}");
-            health.add(100 + window, &health_measures(&MapsHeader::default(), &found, true));
+            health.add(100 + window, &health_measures([&Fit::default(); 2], 0, &found.matches, true));
         }
         let gauge = health_report(&health).gauges[Quantity::Drift as usize];
         let limits = HealthLimits::default().limits_of(Quantity::Drift);

@@ -97,7 +97,9 @@ fn read_map(map: &mut PhaseMap, view: &MapView<'_>) {
     view.valid.par_iter().with_min_len(PIECE_VALUES).map(|&byte| byte != 0).collect_into_vec(&mut map.valid);
 }
 
-fn fit(map: &PhaseMap) -> Fit {
+/// The figures of the map of one camera.
+#[must_use]
+pub fn fit(map: &PhaseMap) -> Fit {
     let (statistics, exposure, motion) = (&map.fit, &map.exposure, &map.motion);
     let Harmonics { second_share, third_share } = map.harmonics;
     Fit {
@@ -115,6 +117,8 @@ fn fit(map: &PhaseMap) -> Fit {
         dim_pixels: exposure.dim_pixels,
         second_harmonic_share: second_share.unwrap_or(-1.0),
         third_harmonic_share: third_share.unwrap_or(-1.0),
+        unlit_share: map.unlit_share() as f32,
+        unused_range_share: map.unused_range_share() as f32,
     }
 }
 

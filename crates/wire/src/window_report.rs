@@ -104,7 +104,9 @@ mod tests {
         (drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad) = (0.2, 0.5, 0.9, 0.01);
         let (maps, mut health) =
             (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
-        (0..5).for_each(|time_ns| health.add(time_ns, &health_measures(&maps, &found, true)));
+        (0..5).for_each(|time_ns| {
+            health.add(time_ns, &health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true))
+        });
         let report = window_report(&maps, &found, 0, &health);
         let drift = report.drift.measured().unwrap();
         assert_eq!([drift.rms_rad, drift.error_px, drift.share, drift.residual_sd_rad], [0.2, 0.5, 0.9, 0.01]);

@@ -3,8 +3,10 @@
 mod acting_options;
 mod calibrated_rig;
 mod commands;
+mod diagnosis;
 mod failure;
 mod globals;
+mod image_health;
 mod input;
 mod json;
 mod method;

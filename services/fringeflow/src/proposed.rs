@@ -3,20 +3,26 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fringeflow::correspondence::{ResolutionMethod, SegmentFileError, SegmentTable};
+use fringeflow::correspondence::{Matches, ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
 use fringeflow::phase::PhaseShifts;
 use fringeflow::prior::{Moment, Prior};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
+use fringeflow::worker::PhasePair;
 use fringeflow_config::Configuration;
 use fringeflow_dataset::{GreyImage, evenly_spaced};
-use fringeflow_telemetry::health::HealthLimits;
+use fringeflow_telemetry::HealthFigures;
 use fringeflow_tracking::TrackedStream;
 use fringeflow_tracking::fusion::{FusionSettings, Tracker};
+use fringeflow_wire::health::health_measures;
+use fringeflow_wire::maps::fit;
 
+use crate::diagnosis::{self, Described};
 use crate::failure::Failure;
+use crate::image_health::image_health;
 use crate::input::Input;
 use crate::progress;
+use crate::statistics::warnings;
 use crate::values::one_of;
 
 /// Arguments of the proposed method.
@@ -75,8 +81,10 @@ pub(crate) struct ProposedOutput {
     pub(crate) reconstruction: Reconstruction,
     /// Mean number of its images, as the input numbers them.
     pub(crate) middle_image: f64,
-    /// Limits of the health quantities.
-    pub(crate) limits: HealthLimits,
+    /// The health quantities of the images and the result.
+    pub(crate) health: HealthFigures,
+    /// What seems to be wrong in calibration, pattern or images.
+    pub(crate) likely_cause: Option<String>,
 }
 
 impl ProposedArgs {
@@ -106,10 +114,42 @@ impl ProposedArgs {
         bar.inc(1);
         bar.set_message("correspondences");
         let reconstruction = self.reconstruct_with_prior(input, &chosen, &configuration, reconstructor)?;
-        let reconstruction = reconstruction.map_err(|e| input.unusable(&e));
         bar.finish_and_clear();
         let middle_image = input.middle_image(&chosen.numbers);
-        Ok(ProposedOutput { reconstruction: reconstruction?, middle_image, limits: configuration.health })
+        let judged = self.judge(input, &chosen, &configuration, reconstruction)?;
+        let (reconstruction, health, likely_cause) = judged.map_err(|e| input.unusable(&e))?;
+        Ok(ProposedOutput { reconstruction, middle_image, health, likely_cause })
+    }
+
+    /// Judges a result by the health of its images, and tells what seems to be wrong if there is little or none. The
+    /// inner error means that there is none.
+    fn judge(
+        &self,
+        input: &Input,
+        chosen: &Images,
+        configuration: &Configuration,
+        result: Result<Reconstruction, ReconstructionError>,
+    ) -> Result<Result<(Reconstruction, HealthFigures, Option<String>), String>, Failure> {
+        let limits = &configuration.health;
+        match result {
+            Ok(reconstruction) => {
+                let Reconstruction { cam1, cam2, matches, .. } = &reconstruction;
+                let fits = [cam1, cam2].map(fit);
+                let measures = health_measures([&fits[0], &fits[1]], 0, matches, true);
+                let maps = PhasePair { cam1: cam1.clone(), cam2: cam2.clone(), known_drift: None };
+                let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, Some(matches))?;
+                Ok(Ok((reconstruction, HealthFigures::of_window(&measures, limits), likely_cause)))
+            }
+            Err(ReconstructionError::Images(error)) => Ok(Err(error.to_string())),
+            Err(ReconstructionError::Match(error)) => {
+                let mut reconstructor = self.measuring.reconstructor(input, chosen, configuration)?;
+                let maps = decode(input, &mut reconstructor, chosen)?;
+                let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, None)?;
+                let warnings = warnings(&image_health(&maps, limits), likely_cause.as_deref());
+                let lines = warnings.into_iter().chain([error.to_string()]);
+                Ok(Err(lines.collect::<Vec<_>>().join("\n")))
+            }
+        }
     }
 
     /// Reconstructs images with their recorded prior, or else with one computed from the windows before them. The inner
@@ -214,6 +254,16 @@ impl Images {
         }
     }
 
+    /// Phase shifts of one cycle, rad.
+    pub(crate) fn cycle_rad(&self) -> &[f64] {
+        &self.cycle_rad
+    }
+
+    /// Index of the first image in the cycle.
+    pub(crate) fn first_step(&self) -> usize {
+        self.first_step
+    }
+
     /// `steps` of the images, evenly spaced, as a cycle of their own.
     ///
     /// # Errors
@@ -263,13 +313,40 @@ impl MeasuringArgs {
         images: &Images,
         configuration: &Configuration,
     ) -> Result<Reconstructor, Failure> {
-        let setup = input.setup();
-        let volume = configuration.volume.or(setup.volume).ok_or_else(|| {
-            input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
-        })?;
+        let (setup, volume) = (input.setup(), volume(input, configuration)?);
         let geometry = Geometry { rig: &setup.rig, volume: &volume, pattern: &setup.sequence.pattern };
         reconstructor(input, images, &geometry, configuration, self.segment_table.as_deref())
     }
+}
+
+impl MeasuringArgs {
+    /// What seems to be wrong in calibration, pattern or images, if they yield no result or a poor one.
+    fn likely_cause(
+        &self,
+        input: &Input,
+        images: &Images,
+        configuration: &Configuration,
+        maps: &PhasePair,
+        matches: Option<&Matches>,
+    ) -> Result<Option<String>, Failure> {
+        let shifts = PhaseShifts::new(&images.cycle_rad).map_err(|e| input.unusable(&e))?;
+        let setup = input.setup();
+        let described = Described {
+            rig: &setup.rig,
+            volume: &volume(input, configuration)?,
+            pattern: &setup.sequence.pattern,
+            shifts: &shifts,
+            settings: configuration.settings.matching,
+        };
+        Ok(diagnosis::likely_cause(&described, maps, matches))
+    }
+}
+
+/// The measurement volume of the settings, or else of the input.
+fn volume(input: &Input, configuration: &Configuration) -> Result<MeasurementVolume, Failure> {
+    configuration.volume.or(input.setup().volume).ok_or_else(|| {
+        input.unusable(&"there is no measurement volume; give one with --config (key measurement_volume)")
+    })
 }
 
 /// Geometry of a measurement.
@@ -320,6 +397,13 @@ fn try_reconstruct(
     let [cam1, cam2] = input.images(&images.numbers)?;
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
     Ok(reconstructor.reconstruct(images.first_step, &cam1, &cam2, prior))
+}
+
+/// Decodes the phase of these images.
+fn decode(input: &Input, reconstructor: &mut Reconstructor, images: &Images) -> Result<PhasePair, Failure> {
+    let [cam1, cam2] = input.images(&images.numbers)?;
+    let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
+    reconstructor.decode(images.first_step, &cam1, &cam2, None).map_err(|e| input.unusable(&e))
 }
 
 /// Reconstructs the next images of a stream. The inner error means that they yield no cloud.

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use fringeflow::correspondence::{DeltaStatistics, Drift, Outcome, OutcomeCounts};
 use fringeflow::phase::Motion;
-use fringeflow_telemetry::health::{HealthLimits, Quantity};
+use fringeflow_telemetry::HealthFigures;
 
 use crate::proposed::ProposedOutput;
 
@@ -17,6 +17,11 @@ const MANY_OUTSIDE_PERCENT: f64 = 50.0;
 /// Statistics of a reconstruction.
 #[derive(Serialize)]
 pub(crate) struct Statistics {
+    /// The health quantities of the images and the result, against their limits.
+    pub(crate) health: HealthFigures,
+    /// What seems to be wrong in calibration, pattern or images.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) likely_cause: Option<String>,
     /// Mean number of fringe periods on a segment: n.
     pub(crate) mean_periods: f64,
     /// Mean of δ, rad.
@@ -25,8 +30,6 @@ pub(crate) struct Statistics {
     pub(crate) delta_sd_rad: f64,
     /// Contribution of noise to sd, rad.
     pub(crate) delta_noise_sd_rad: f64,
-    /// Whether sd is larger than that of calibrated rigs.
-    pub(crate) delta_suspicious: bool,
     /// Threshold thr = 3·sd, rad.
     pub(crate) threshold_rad: f64,
     /// Expected false candidates per true one by Eq. (1): efc.
@@ -89,71 +92,42 @@ pub(crate) struct DriftFigures {
     pub(crate) residual_sd_rad: f64,
     /// Share of the pixels with a candidate that agrees with the drift, in [0, 1].
     pub(crate) share: f64,
-    /// Drift beyond which the rig should be calibrated again, rad rms.
-    pub(crate) limit_rad: f64,
-    /// Whether the drift exceeds that limit.
-    pub(crate) beyond_limit: bool,
     /// efc of Eq. (1) with the residual sd.
     pub(crate) efc: f64,
     /// Expected percentage of unique correspondences for this efc.
     pub(crate) puc: f64,
-    /// Quantities beyond their limits: the cloud may hold false points.
-    pub(crate) doubts: Vec<Doubt>,
-}
-
-/// A quantity beyond its limit.
-#[derive(Serialize)]
-pub(crate) struct Doubt {
-    /// Name of the quantity, as in the health of a running instance.
-    quantity: &'static str,
-    value: f64,
-    limit: f64,
-    #[serde(skip)]
-    kind: Quantity,
 }
 
 impl DriftFigures {
-    fn new(drift: &Drift, delta: &DeltaStatistics, limits: &HealthLimits) -> Self {
-        let limit_rad = limits.limits_of(Quantity::Drift).warn;
+    fn new(drift: &Drift, delta: &DeltaStatistics) -> Self {
         let residual = drift.residual_statistics(delta);
-        let efc = residual.expected_false_candidates();
-        let doubts = [
-            (Quantity::DeltaNoise, drift.residual_sd_rad),
-            (Quantity::Unexplained, 1.0 - drift.share),
-            (Quantity::FalseCandidates, efc),
-        ]
-        .into_iter()
-        .map(|(kind, value)| Doubt { quantity: kind.name(), value, limit: limits.limits_of(kind).warn, kind })
-        .filter(|doubt| doubt.value > doubt.limit);
         Self {
             rms_rad: drift.rms_rad,
             error_px: drift.error_px,
             residual_sd_rad: drift.residual_sd_rad,
             share: drift.share,
-            limit_rad,
-            beyond_limit: drift.explains_most_pixels() && drift.rms_rad > limit_rad,
-            efc,
+            efc: residual.expected_false_candidates(),
             puc: residual.expected_unique_percent(),
-            doubts: doubts.collect(),
         }
     }
 }
 
 impl Statistics {
     /// Statistics of a result of the proposed method.
-    pub(crate) fn new(ProposedOutput { reconstruction, limits, .. }: &ProposedOutput) -> Self {
+    pub(crate) fn new(ProposedOutput { reconstruction, health, likely_cause, .. }: &ProposedOutput) -> Self {
         let matches = &reconstruction.matches;
         let counts = OutcomeCounts::from_outcomes(&matches.outcomes);
         let lit = matches.outcomes.len() as u64 - counts.get(Outcome::Invalid);
         Self {
+            health: health.clone(),
+            likely_cause: likely_cause.clone(),
             mean_periods: matches.delta.mean_periods,
             delta_mean_rad: matches.delta.mean_rad,
             delta_sd_rad: matches.delta.sd_rad,
             delta_noise_sd_rad: matches.delta.noise_sd_rad,
-            delta_suspicious: matches.delta.is_suspicious(),
             threshold_rad: matches.delta.threshold_rad(),
             efc_predicted: matches.delta.expected_false_candidates(),
-            drift: matches.drift.as_ref().map(|drift| DriftFigures::new(drift, &matches.delta, limits)),
+            drift: matches.drift.as_ref().map(|drift| DriftFigures::new(drift, &matches.delta)),
             efc_measured: reconstruction.cloud.false_candidates_per_point(),
             puc_predicted: matches.delta.expected_unique_percent(),
             puc_measured: counts.unique_percent(),
@@ -174,12 +148,23 @@ impl Statistics {
         }
     }
 
+    /// What a person reads first, a line each: what seems to be wrong, and every quantity beyond its limits.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        warnings(&self.health, self.likely_cause.as_deref())
+    }
+
     /// What the first line of a result adds where most of the image shows other things than the object.
     pub(crate) fn outside_note(&self) -> Option<String> {
         let share = self.outside_percent;
         (share > MANY_OUTSIDE_PERCENT)
             .then(|| format!("; {share:.0} % of the pixels with a phase see surfaces outside the measurement volume"))
     }
+}
+
+/// A line for what seems to be wrong, and for every quantity beyond its limits.
+pub(crate) fn warnings(health: &HealthFigures, likely_cause: Option<&str>) -> Vec<String> {
+    let causes = likely_cause.into_iter().map(|cause| format!("warning: {cause}"));
+    causes.chain(health.beyond_limits().iter().map(|gauge| format!("warning: {gauge}"))).collect()
 }
 
 impl fmt::Display for Statistics {
@@ -189,36 +174,12 @@ impl fmt::Display for Statistics {
             "n {:.2} periods on a segment, sd of δ {:.4} rad (mean {:+.4}, noise {:.4}), thr {:.4} rad",
             self.mean_periods, self.delta_sd_rad, self.delta_mean_rad, self.delta_noise_sd_rad, self.threshold_rad
         )?;
-        if self.delta_suspicious {
-            writeln!(
-                f,
-                "warning: δ scatters more than three times as widely as on calibrated rigs; check that the calibration \
-                 belongs to these images and is up to date"
-            )?;
-        }
         if let Some(drift) = &self.drift {
             writeln!(
                 f,
                 "drift of the calibration {:.4} rad rms (errors of {:.2} px); about it sd {:.4} rad, efc {:.3}, puc {:.2} %",
                 drift.rms_rad, drift.error_px, drift.residual_sd_rad, drift.efc, drift.puc
             )?;
-            for Doubt { value, limit, kind, .. } in &drift.doubts {
-                writeln!(
-                    f,
-                    "warning: the cloud may hold false points: {} {value:.3}, beyond {limit} ({}); {}",
-                    kind.title(),
-                    kind.key(),
-                    kind.remedy()
-                )?;
-            }
-            if drift.beyond_limit {
-                writeln!(
-                    f,
-                    "warning: the drift is beyond {} rad (health.drift_rad); calibrate again; \
-                     `fringeflow rig CALIBRATION --images` shows the drift",
-                    drift.limit_rad
-                )?;
-            }
         }
         if let Some([cam1, cam2]) = &self.motion {
             writeln!(

@@ -49,7 +49,7 @@ fn rig_prints_every_section_as_json_and_writes_the_maps() {
     assert!(!report["evaluation"]["comb"]["teeth"].as_array().unwrap().is_empty());
     assert!(!report["advice"].as_array().unwrap().is_empty());
     for name in ["periods.png", "survivors.png"] {
-        let map = fringeflow_dataset::read_png(&folder.path().join(name), Some([20, 16]), None).unwrap();
+        let map = fringeflow_dataset::read_grey(&folder.path().join(name), Some([20, 16]), None).unwrap();
         assert!(map.pixels.iter().any(|&grey| grey > 0), "{name}");
     }
 }

@@ -113,6 +113,10 @@ pub struct Fit {
     pub second_harmonic_share: ::core::option::Option<f32>,
     #[prost(float, optional, tag = "14")]
     pub third_harmonic_share: ::core::option::Option<f32>,
+    #[prost(float, tag = "15")]
+    pub unlit_share: f32,
+    #[prost(float, tag = "16")]
+    pub unused_range_share: f32,
 }
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapsHeader {

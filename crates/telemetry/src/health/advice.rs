@@ -25,6 +25,14 @@ impl Quantity {
                 "calibration and images may not belong together, or most of the scene lies far outside the measurement \
                  volume"
             }
+            Self::UnlitCam1 | Self::UnlitCam2 => {
+                "uncover the lens, switch on the projector, and aim at the object; images that are bright all the same \
+                 are alike, and each must show another phase shift"
+            }
+            Self::UnusedRangeCam1 | Self::UnusedRangeCam2 => {
+                "raise the exposure or the light; if the values have fewer bits than their format, say how many (bits in \
+                 meta.json, cameras.format)"
+            }
             Self::FalseCandidates => "calibrate again, or use a shallower volume or fewer fringes",
         }
     }

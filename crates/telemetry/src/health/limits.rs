@@ -45,6 +45,8 @@ impl Default for HealthLimits {
             Quantity::Slipped => [0.1, 0.5],
             Quantity::Unexplained => [0.5, 0.8],
             Quantity::FalseCandidates => [1.5, 3.0],
+            Quantity::UnlitCam1 | Quantity::UnlitCam2 => [0.99, 0.999],
+            Quantity::UnusedRangeCam1 | Quantity::UnusedRangeCam2 => [0.75, 0.9],
         };
         Self {
             limits: Quantity::ALL.map(|quantity| limits(defaults(quantity))),
@@ -56,6 +58,12 @@ impl Default for HealthLimits {
 }
 
 impl HealthLimits {
+    /// These limits for a level that is the value of one window.
+    #[must_use]
+    pub fn for_one_window(&self) -> Self {
+        Self { windows: 1, fewest_windows: 1, ..self.clone() }
+    }
+
     /// Returns the limits of a quantity.
     #[must_use]
     pub fn limits_of(&self, quantity: Quantity) -> Limits {

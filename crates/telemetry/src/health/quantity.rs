@@ -44,6 +44,14 @@ pub enum Quantity {
     Unexplained,
     /// Expected false candidates for each true one, about the drift: efc of Eq. (1).
     FalseCandidates,
+    /// Share of the pixels of camera 1 without fringes.
+    UnlitCam1,
+    /// The same in camera 2.
+    UnlitCam2,
+    /// Share of the range of grey levels above the brightest one of camera 1.
+    UnusedRangeCam1,
+    /// The same in camera 2.
+    UnusedRangeCam2,
 }
 
 /// How the level of a quantity is computed from its last windows.
@@ -57,7 +65,7 @@ pub enum Averaging {
 
 /// Every quantity with its name, configuration key and title, at the index of its discriminant.
 #[rustfmt::skip]
-const TABLE: [(Quantity, &str, &str, &str); 20] = [
+const TABLE: [(Quantity, &str, &str, &str); 24] = [
     (Quantity::Drift, "drift", "health.drift_rad", "drift of the calibration"),
     (Quantity::DeltaSd, "delta_sd", "health.delta_sd_rad", "sd of δ"),
     (Quantity::DeltaNoise, "delta_noise", "health.delta_noise_rad", "noise of δ"),
@@ -78,6 +86,10 @@ const TABLE: [(Quantity, &str, &str, &str); 20] = [
     (Quantity::Slipped, "slipped", "health.slipped_share", "slipped windows"),
     (Quantity::Unexplained, "unexplained", "health.unexplained_share", "unexplained pixels"),
     (Quantity::FalseCandidates, "false_candidates", "health.false_candidates", "expected false candidates"),
+    (Quantity::UnlitCam1, "unlit_cam1", "health.unlit_share", "pixels without fringes, camera 1"),
+    (Quantity::UnlitCam2, "unlit_cam2", "health.unlit_share", "pixels without fringes, camera 2"),
+    (Quantity::UnusedRangeCam1, "unused_range_cam1", "health.unused_range_share", "unused grey levels, camera 1"),
+    (Quantity::UnusedRangeCam2, "unused_range_cam2", "health.unused_range_share", "unused grey levels, camera 2"),
 ];
 
 impl Quantity {

@@ -12,6 +12,8 @@ use fringeflow_recording::{ImportOptions, import};
 
 use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
+use crate::image_health::image_warnings;
+use crate::input::Input;
 use crate::{json, progress};
 
 /// Arguments of `fringeflow import`.
@@ -39,6 +41,8 @@ struct Report<'a> {
     set: &'a str,
     image_pairs: usize,
     messages: u64,
+    /// What the images show by themselves.
+    warnings: Vec<String>,
 }
 
 /// Where the options act.
@@ -57,15 +61,22 @@ impl Args {
             configuration: &configuration,
             min_free_bytes: 0,
         };
+        let settings = Configuration::parse(&configuration)
+            .map_err(|problem| ConfigurationError { file: self.config.clone().unwrap_or_default(), problem })?;
         let image_pairs = dataset.setup.sequence.shifts_rad.len();
         let bar = progress::bar("images", image_pairs as u64);
         let counts = import(&dataset, &self.output, &options, || bar.inc(1))?;
         bar.finish_and_clear();
-        let (set, messages) = (dataset.setup.name.as_str(), counts.total().passed);
+        let input = Input::Folder(Box::new(dataset));
+        let warnings = image_warnings(&input, &settings)?;
+        let (set, messages) = (input.setup().name.as_str(), counts.total().passed);
         if self.json {
-            return json::print(&Report { recording: &self.output, set, image_pairs, messages });
+            return json::print(&Report { recording: &self.output, set, image_pairs, messages, warnings });
         }
         let mut out = std::io::stdout().lock();
+        for warning in warnings {
+            writeln!(out, "{warning}")?;
+        }
         Ok(writeln!(out, "{set}: {image_pairs} image pairs in {}", self.output.display())?)
     }
 }

@@ -92,6 +92,9 @@ impl Args {
             serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {
+            for warning in statistics.iter().flat_map(Statistics::warnings) {
+                writeln!(out, "{warning}")?;
+            }
             let note = statistics.as_ref().and_then(Statistics::outside_note).unwrap_or_default();
             writeln!(out, "{}: {points} points in {}{note}", input.setup().name, self.output.display())?;
             if let Some(statistics) = statistics {

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use fringeflow::correspondence::SegmentTable;
 use fringeflow::phase::PhaseShifts;
-use fringeflow::worker::CorrespondenceWorker;
+use fringeflow::worker::{CorrespondenceWorker, Correspondences};
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
 use fringeflow_message::{Block, CorrespondenceHeader, DropReason, MapsHeader, Stage, Window, WindowReport};
@@ -18,7 +18,7 @@ use fringeflow_transport::{
     CORRESPONDENCE_MAP, Channel, PHASE_MAPS, Publisher, REPORT_WINDOW, Received, TransportError,
 };
 use fringeflow_wire as wire;
-use fringeflow_wire::health::health_measures;
+use fringeflow_wire::health::{health_measures, image_measures};
 use fringeflow_wire::in_step::InStep;
 use fringeflow_wire::window_report::window_report;
 
@@ -44,6 +44,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
         in_step: InStep::default(),
         states: [HealthState::NotKnown; Quantity::ALL.len()],
         slip_steps: [0; 2],
+        published: 0,
         reports: Publisher::open(&host.node, REPORT_WINDOW, &host.sizes)?,
     };
     run_transform(&mut host, stage)
@@ -67,10 +68,21 @@ struct CorrespondenceStage {
     states: [HealthState; Quantity::ALL.len()],
     /// Slip of the previous window, steps.
     slip_steps: [usize; 2],
+    /// Number of the last correspondences.
+    published: u64,
     reports: Publisher<(), WindowReport>,
 }
 
 impl CorrespondenceStage {
+    /// Reports on the window that was searched last and has no correspondences: its images may show why.
+    fn report_without_result(&mut self) -> Result<(), TransportError> {
+        let Some(SearchedWindow { header, .. }) = self.searches.last() else { return Ok(()) };
+        self.health.add(header.window.received_ns, &image_measures([&header.cam1, &header.cam2], header.skew_ns));
+        let report = window_report(header, &Correspondences::default(), self.published, &self.health);
+        self.log_health(HealthFigures::from_report(&report).as_ref());
+        self.reports.send_message(&report)
+    }
+
     /// Logs the quantities whose state has changed.
     fn log_health(&mut self, health: Option<&HealthFigures>) {
         for gauge in health.into_iter().flat_map(|health| &health.quantities) {
@@ -135,6 +147,11 @@ impl Transform for CorrespondenceStage {
 
     fn end_oldest(&mut self, timeout: Duration) -> Option<Result<u64, Dropped>> {
         let ended_ns = self.searches.end_oldest(timeout)?;
+        if ended_ns.is_err()
+            && let Err(error) = self.report_without_result()
+        {
+            tracing::debug!(%error, "a report was not sent");
+        }
         Some(ended_ns.map_err(|e| Dropped::new(DropReason::NoCorrespondence, e)))
     }
 
@@ -152,8 +169,12 @@ impl Transform for CorrespondenceStage {
     fn send_reports(&mut self, published: u64) -> Result<(), TransportError> {
         let Some(SearchedWindow { header, correspondences, .. }) = self.searches.last() else { return Ok(()) };
         let is_in_step = self.in_step.update(header, correspondences);
-        self.health.add(header.window.received_ns, &health_measures(header, correspondences, is_in_step));
+        self.health.add(
+            header.window.received_ns,
+            &health_measures([&header.cam1, &header.cam2], header.skew_ns, &correspondences.matches, is_in_step),
+        );
         let report = window_report(header, correspondences, published, &self.health);
+        self.published = published;
         self.log_slip(correspondences.matches.slip_steps);
         self.log_health(HealthFigures::from_report(&report).as_ref());
         self.reports.send_message(&report)

@@ -54,6 +54,9 @@ pub(super) fn print(set: &str, args: &Args, output: &MethodOutput, evaluation: &
         serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
         return Ok(writeln!(out)?);
     }
+    for warning in statistics.iter().flat_map(Statistics::warnings) {
+        writeln!(out, "{warning}")?;
+    }
     let note = statistics.as_ref().and_then(Statistics::outside_note).unwrap_or_default();
     writeln!(out, "{}", text(set, scores, &note))?;
     if let (Some(right), Some(sd)) = (unique.unique_correct_percent, unique.correct_delta_sd_rad) {

@@ -16,6 +16,7 @@ use serde::Serialize;
 use fringeflow::correspondence::ResolutionMethod;
 use fringeflow_base::atomic_file::write_atomically;
 use fringeflow_lab::simulation::{Object, RigOptions, SimulationSummary};
+use fringeflow_telemetry::health::{HealthState, Quantity};
 
 use self::knob::SeriesPoint;
 pub(super) use self::knob::{Knob, claims};
@@ -197,9 +198,10 @@ impl Figures {
 impl Warning {
     /// The more serious warning of a reconstruction; `None` if it has none.
     fn from_statistics(statistics: &Statistics) -> Option<Self> {
-        let is_beyond = statistics.drift.as_ref().is_some_and(|drift| drift.beyond_limit);
-        let drift = is_beyond.then_some(Self::Drift);
-        if statistics.delta_suspicious { Some(Self::Spread) } else { drift }
+        let is_beyond =
+            |quantity| statistics.health.quantity(quantity).is_some_and(|gauge| gauge.state >= HealthState::Warn);
+        let drift = is_beyond(Quantity::Drift).then_some(Self::Drift);
+        if is_beyond(Quantity::DeltaSd) { Some(Self::Spread) } else { drift }
     }
 
     /// Name in the table.

@@ -1,0 +1,162 @@
+//! Image files by their content, whatever their ending: PNG, TIFF, BMP, PGM. In: a path. Out: size and depth at once,
+//! values on request.
+
+use std::fs::File;
+use std::io::{BufReader, Read as _, Seek as _};
+use std::path::Path;
+
+use fringeflow_base::grey::PixelFormat;
+use image::codecs::bmp::BmpDecoder;
+use image::codecs::pnm::PnmDecoder;
+use image::codecs::tiff::TiffDecoder;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError};
+
+use super::Problem;
+
+type Reader = BufReader<File>;
+
+/// An opened image file, its header read.
+pub(super) enum ImageFile {
+    Png(Box<png::Reader<Reader>>),
+    Tiff(Box<TiffDecoder<Reader>>),
+    Bmp(Box<BmpDecoder<Reader>>),
+    Pnm(Box<PnmDecoder<Reader>>),
+}
+
+/// The content of an image file.
+pub(super) struct Decoded {
+    pub(super) size_px: [usize; 2],
+    pub(super) format: PixelFormat,
+    pub(super) channels: usize,
+    /// The channels of each pixel, row by row.
+    pub(super) samples: Vec<u16>,
+}
+
+impl ImageFile {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// The file is unreadable, damaged, or of another kind.
+    pub(super) fn open(path: &Path) -> Result<Self, Problem> {
+        let mut file = BufReader::new(File::open(path).map_err(Problem::Unreadable)?);
+        let mut start = [0; 4];
+        let read = file.read(&mut start).map_err(Problem::Unreadable)?;
+        file.rewind().map_err(Problem::Unreadable)?;
+        Ok(match &start[..read] {
+            [0x89, b'P', b'N', b'G'] => {
+                let mut decoder = png::Decoder::new(file);
+                decoder.set_transformations(png::Transformations::EXPAND);
+                Self::Png(Box::new(decoder.read_info().map_err(png_damage)?))
+            }
+            b"II*\0" | b"MM\0*" => Self::Tiff(Box::new(TiffDecoder::new(file).map_err(damage)?)),
+            [b'B', b'M', ..] => Self::Bmp(Box::new(BmpDecoder::new(file).map_err(damage)?)),
+            [b'P', b'1'..=b'7', ..] => Self::Pnm(Box::new(PnmDecoder::new(file).map_err(damage)?)),
+            [0xff, 0xd8, ..] => return Err(Problem::Jpeg),
+            [] => return Err(Problem::Image("it is empty".to_owned())),
+            _ => return Err(Problem::OtherImage),
+        })
+    }
+
+    /// Width and height, pixels.
+    pub(super) fn size_px(&self) -> [usize; 2] {
+        match self {
+            Self::Png(reader) => [reader.info().width, reader.info().height].map(|side| side as usize),
+            Self::Tiff(decoder) => size_px(decoder.as_ref()),
+            Self::Bmp(decoder) => size_px(decoder.as_ref()),
+            Self::Pnm(decoder) => size_px(decoder.as_ref()),
+        }
+    }
+
+    /// Depth of its values.
+    ///
+    /// # Errors
+    /// The values are no whole numbers of 8 or 16 bits.
+    pub(super) fn format(&self) -> Result<PixelFormat, Problem> {
+        match self {
+            Self::Png(reader) if reader.info().bit_depth == png::BitDepth::Sixteen => Ok(PixelFormat::Y16),
+            Self::Png(_) => Ok(PixelFormat::Grey),
+            Self::Tiff(decoder) => stored_format(decoder.color_type()),
+            Self::Bmp(decoder) => stored_format(decoder.color_type()),
+            // Only this kind of file states its largest value.
+            Self::Pnm(decoder) => match decoder.header().maximal_sample() {
+                1 | 255 => Ok(PixelFormat::Grey),
+                most => {
+                    let format = PixelFormat::ALL.into_iter().find(|format| u32::from(format.max_value()) == most);
+                    format.ok_or_else(|| {
+                        Problem::Image(format!(
+                            "its largest value is {most}, which is not that of 8, 10, 12, 14 or 16 bits"
+                        ))
+                    })
+                }
+            },
+        }
+    }
+
+    /// Reads the values.
+    ///
+    /// # Errors
+    /// The file is damaged, or its values are no whole numbers.
+    pub(super) fn decode(self) -> Result<Decoded, Problem> {
+        let (size_px, format) = (self.size_px(), self.format()?);
+        let (channels, samples) = match self {
+            Self::Png(reader) => png_samples(*reader)?,
+            Self::Tiff(decoder) => samples(*decoder)?,
+            Self::Bmp(decoder) => samples(*decoder)?,
+            Self::Pnm(decoder) => samples(*decoder)?,
+        };
+        Ok(Decoded { size_px, format, channels, samples })
+    }
+}
+
+fn damage(error: ImageError) -> Problem {
+    Problem::Image(error.to_string())
+}
+
+fn png_damage(error: png::DecodingError) -> Problem {
+    Problem::Image(error.to_string())
+}
+
+fn size_px(decoder: &impl ImageDecoder) -> [usize; 2] {
+    let (width, height) = decoder.dimensions();
+    [width as usize, height as usize]
+}
+
+fn stored_format(colour: ColorType) -> Result<PixelFormat, Problem> {
+    match colour.bytes_per_pixel() / colour.channel_count() {
+        1 => Ok(PixelFormat::Grey),
+        2 => Ok(PixelFormat::Y16),
+        _ => Err(Problem::Image("its values are floating-point numbers; save it with 8 or 16 bits".to_owned())),
+    }
+}
+
+fn png_samples(mut reader: png::Reader<Reader>) -> Result<(usize, Vec<u16>), Problem> {
+    let too_large = || Problem::Image("its pixels do not fit into memory".to_owned());
+    let mut bytes = vec![0; reader.output_buffer_size().ok_or_else(too_large)?];
+    let info = reader.next_frame(&mut bytes).map_err(png_damage)?;
+    reader.finish().map_err(png_damage)?;
+    bytes.truncate(info.buffer_size());
+    let samples = match info.bit_depth {
+        png::BitDepth::Sixteen => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
+        _ => bytes.iter().map(|&b| u16::from(b)).collect(),
+    };
+    Ok((info.color_type.samples(), samples))
+}
+
+fn samples(decoder: impl ImageDecoder) -> Result<(usize, Vec<u16>), Problem> {
+    let channels = usize::from(decoder.color_type().channel_count());
+    let bytes = |values: Vec<u8>| values.into_iter().map(u16::from).collect();
+    Ok((
+        channels,
+        match DynamicImage::from_decoder(decoder).map_err(damage)? {
+            DynamicImage::ImageLuma8(image) => bytes(image.into_raw()),
+            DynamicImage::ImageLumaA8(image) => bytes(image.into_raw()),
+            DynamicImage::ImageRgb8(image) => bytes(image.into_raw()),
+            DynamicImage::ImageRgba8(image) => bytes(image.into_raw()),
+            DynamicImage::ImageLuma16(image) => image.into_raw(),
+            DynamicImage::ImageLumaA16(image) => image.into_raw(),
+            DynamicImage::ImageRgb16(image) => image.into_raw(),
+            DynamicImage::ImageRgba16(image) => image.into_raw(),
+            _ => return Err(Problem::OtherImage),
+        },
+    ))
+}
