@@ -11,6 +11,9 @@ mod other_origin;
 mod unit;
 mod write;
 
+#[cfg(test)]
+mod tests;
+
 use std::path::{Path, PathBuf};
 
 use fringeflow_base::text_file::{TextError, read_text};
@@ -156,8 +159,8 @@ pub enum CalibrationProblem {
     },
     /// The size of an image differs from the calibration's.
     #[error(
-        "field {field} is {} × {}, but the images of camera {camera} are {} × {}; use the calibration of these images",
-        calibrated_px[0], calibrated_px[1], image_px[0], image_px[1]
+        "field {field} is {} × {}, but the images of camera {camera} are {} × {}; {}",
+        calibrated_px[0], calibrated_px[1], image_px[0], image_px[1], size_remedy(*calibrated_px, *image_px)
     )]
     OtherImageSize {
         /// Name of the field.
@@ -177,6 +180,15 @@ pub enum CalibrationProblem {
         /// What is wrong, with the value and the remedy.
         what: String,
     },
+}
+
+/// What to do about a calibration for images of another size.
+fn size_remedy(calibrated_px: [usize; 2], [width, height]: [usize; 2]) -> &'static str {
+    if calibrated_px == [height, width] {
+        "the width comes first, unless the images are turned"
+    } else {
+        "use the calibration of these images"
+    }
 }
 
 /// Reads a calibration file and makes all checks that need no images.

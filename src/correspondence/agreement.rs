@@ -27,8 +27,8 @@ pub enum MatchError {
     },
     /// No pixel has a candidate.
     #[error(
-        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2; are the cameras swapped, do the \
-         images belong to this calibration, does the object lie in the measurement volume?"
+        "no pixel of camera 1 finds its phase on its epipolar segment in camera 2: the images do not belong to this \
+         calibration, or nothing lies in the measurement volume"
     )]
     NothingInCommon,
     /// The images of the cameras are exchanged.
@@ -46,9 +46,9 @@ pub enum MatchError {
     /// The back-projection phases agree with nothing.
     #[error(
         "the back-projection phases scatter by {sd_rad:.2} rad over {mean_periods:.1} periods, which leaves {efc:.1} \
-         false candidates per pixel: the images do not belong to this calibration; are the cameras swapped, is it the \
-         calibration of another rig, or are phase_sign and phase_offset_rad wrong? (with \
-         correspondence.delta_sd_rad in the configuration sd is taken as known)"
+         false candidates per pixel: the images do not belong to this calibration and pattern; is it the calibration of \
+         another rig, or is period_px, phase_sign or phase_offset_rad wrong? (with correspondence.delta_sd_rad in the \
+         configuration sd is taken as known)"
     )]
     NoAgreement {
         /// Measured sd of δ, rad.

@@ -30,6 +30,10 @@ enum Cause {
     Sign {
         offset: f64,
     },
+    /// `period_px` is the number of fringes.
+    Period {
+        period_px: f64,
+    },
     Turned {
         cameras: [bool; 2],
     },
@@ -43,6 +47,10 @@ impl std::fmt::Display for Cause {
             Self::Sign { .. } => write!(
                 f,
                 "the fringes seem to run the other way: the images are in reverse order, or phase_sign has the wrong sign"
+            ),
+            Self::Period { period_px } => write!(
+                f,
+                "period_px seems to be the number of fringes, and must be the width of one: {period_px:.2} projector pixels"
             ),
             Self::Turned { cameras: [true, true] } => write!(f, "the images of both cameras seem to be upside down"),
             Self::Turned { cameras: [true, false] } => write!(f, "the images of camera 1 seem to be upside down"),
@@ -75,8 +83,10 @@ pub(crate) fn likely_cause(described: &Described<'_>, maps: &PhasePair, matches:
 fn causes(described: &Described<'_>) -> Vec<Cause> {
     let mistakes = Mistake::all(described.rig, Some(described.volume)).into_iter().map(Cause::Calibration);
     let signs = [1.0, -1.0].map(|offset| Cause::Sign { offset });
+    let period_px = described.rig.projector.width_px() as f64 / described.pattern.period_px;
+    let period = (period_px >= 2.0).then_some(Cause::Period { period_px });
     let turned = [[false, true], [true, false], [true, true]].map(|cameras| Cause::Turned { cameras });
-    mistakes.chain(signs).chain(turned).chain([Cause::Mirrored]).collect()
+    mistakes.chain(signs).chain(period).chain(turned).chain([Cause::Mirrored]).collect()
 }
 
 /// Points that the images would have without this cause; `None` if they could not be matched.
@@ -87,6 +97,7 @@ fn points_without(cause: Cause, described: &Described<'_>, maps: &PhasePair) -> 
         Cause::Sign { offset } => {
             (pattern.sign, pattern.offset_rad) = (-pattern.sign, offset * pattern.offset_rad);
         }
+        Cause::Period { period_px } => pattern.period_px = period_px,
         Cause::Turned { cameras } => {
             for (map, is_turned) in [&mut maps.cam1, &mut maps.cam2].into_iter().zip(cameras) {
                 reverse(map, if is_turned { map.phase.len() } else { 1 });

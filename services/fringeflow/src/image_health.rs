@@ -1,5 +1,5 @@
 //! What the images of an input show by themselves: whether they hold fringes, well exposed. In: the first cycle. Out:
-//! warnings. Cost: decoding one cycle.
+//! faults. Cost: decoding one cycle.
 
 use fringeflow::phase::PhaseShifts;
 use fringeflow::worker::{PhasePair, PhaseWorker};
@@ -13,7 +13,7 @@ use fringeflow_wire::maps::fit;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::proposed::Images;
-use crate::statistics::warnings;
+use crate::statistics::faults;
 
 /// The health of decoded images, without a result.
 pub(crate) fn image_health(maps: &PhasePair, limits: &HealthLimits) -> HealthFigures {
@@ -21,8 +21,8 @@ pub(crate) fn image_health(maps: &PhasePair, limits: &HealthLimits) -> HealthFig
     HealthFigures::of_window(&image_measures([&fits[0], &fits[1]], 0), limits)
 }
 
-/// Warnings about the images of the first cycle, a line each.
-pub(crate) fn image_warnings(input: &Input, configuration: &Configuration) -> Result<Vec<String>, Failure> {
+/// What is wrong with the images of the first cycle, a line each.
+pub(crate) fn image_faults(input: &Input, configuration: &Configuration) -> Result<Vec<String>, Failure> {
     let images = Images::consecutive(input, input.cycles()?.swap_remove(0))?;
     let shifts = PhaseShifts::new(images.cycle_rad()).map_err(|e| input.unusable(&e))?;
     let setup = input.setup();
@@ -32,7 +32,7 @@ pub(crate) fn image_warnings(input: &Input, configuration: &Configuration) -> Re
     let [cam1, cam2] = [&cam1, &cam2].map(|images| GreyImage::levels_of(images));
     let mut maps = PhasePair::default();
     Ok(match worker.step(images.first_step(), &cam1, &cam2, None, &mut maps) {
-        Ok(()) => warnings(&image_health(&maps, &configuration.health), None),
-        Err(error) => vec![format!("warning: {error}")],
+        Ok(()) => faults(&image_health(&maps, &configuration.health), None),
+        Err(error) => vec![error.to_string()],
     })
 }

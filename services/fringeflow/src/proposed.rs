@@ -22,7 +22,7 @@ use crate::failure::Failure;
 use crate::image_health::image_health;
 use crate::input::Input;
 use crate::progress;
-use crate::statistics::warnings;
+use crate::statistics::faults;
 use crate::values::one_of;
 
 /// Arguments of the proposed method.
@@ -145,9 +145,8 @@ impl ProposedArgs {
                 let mut reconstructor = self.measuring.reconstructor(input, chosen, configuration)?;
                 let maps = decode(input, &mut reconstructor, chosen)?;
                 let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, None)?;
-                let warnings = warnings(&image_health(&maps, limits), likely_cause.as_deref());
-                let lines = warnings.into_iter().chain([error.to_string()]);
-                Ok(Err(lines.collect::<Vec<_>>().join("\n")))
+                let faults = faults(&image_health(&maps, limits), likely_cause.as_deref());
+                Ok(Err(faults.into_iter().chain([error.to_string()]).collect::<Vec<_>>().join("\n")))
             }
         }
     }

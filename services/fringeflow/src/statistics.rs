@@ -150,7 +150,7 @@ impl Statistics {
 
     /// What a person reads first, a line each: what seems to be wrong, and every quantity beyond its limits.
     pub(crate) fn warnings(&self) -> Vec<String> {
-        warnings(&self.health, self.likely_cause.as_deref())
+        faults(&self.health, self.likely_cause.as_deref()).iter().map(|fault| format!("warning: {fault}")).collect()
     }
 
     /// What the first line of a result adds where most of the image shows other things than the object.
@@ -161,10 +161,10 @@ impl Statistics {
     }
 }
 
-/// A line for what seems to be wrong, and for every quantity beyond its limits.
-pub(crate) fn warnings(health: &HealthFigures, likely_cause: Option<&str>) -> Vec<String> {
-    let causes = likely_cause.into_iter().map(|cause| format!("warning: {cause}"));
-    causes.chain(health.beyond_limits().iter().map(|gauge| format!("warning: {gauge}"))).collect()
+/// What seems to be wrong, and every quantity beyond its limits, a line each.
+pub(crate) fn faults(health: &HealthFigures, likely_cause: Option<&str>) -> Vec<String> {
+    let causes = likely_cause.into_iter().map(str::to_owned);
+    causes.chain(health.beyond_limits().iter().map(ToString::to_string)).collect()
 }
 
 impl fmt::Display for Statistics {

@@ -20,9 +20,16 @@ use super::CalibrationProblem;
 /// The fields of a file, by name.
 pub(super) type Fields = BTreeMap<String, Node>;
 
+/// Begins values that OpenCV has written in base64.
+const BASE64: &str = "$base64$";
+
 /// Parses the text of a file.
 pub(super) fn parse(text: &str) -> Result<Fields, CalibrationProblem> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.contains(BASE64) {
+        let what = "its values are in base64; write it without the flag FileStorage::BASE64";
+        return Err(CalibrationProblem::NotFileStorage(what.to_owned()));
+    }
     let is_xml = text.trim_start().starts_with('<');
     if is_xml { xml::parse(text) } else { yaml::parse(text) }
 }

@@ -20,7 +20,7 @@ impl Quantity {
             Self::Skew => "trigger both cameras by one signal",
             Self::Motion | Self::OneSurface | Self::Lost => "move more slowly, or take images faster",
             Self::Brightness => "keep exposure and light constant, and shield from other light",
-            Self::Slipped => "check the trigger between projector and cameras",
+            Self::Slipped => "check the trigger between projector and cameras, and pattern.phase_offset_rad",
             Self::Unexplained => {
                 "calibration and images may not belong together, or most of the scene lies far outside the measurement \
                  volume"

@@ -44,14 +44,14 @@ pub enum Quantity {
     Unexplained,
     /// Expected false candidates for each true one, about the drift: efc of Eq. (1).
     FalseCandidates,
-    /// Share of the pixels of camera 1 without fringes.
-    UnlitCam1,
-    /// The same in camera 2.
-    UnlitCam2,
     /// Share of the range of grey levels above the brightest one of camera 1.
     UnusedRangeCam1,
     /// The same in camera 2.
     UnusedRangeCam2,
+    /// Share of the pixels of camera 1 without fringes.
+    UnlitCam1,
+    /// The same in camera 2.
+    UnlitCam2,
 }
 
 /// How the level of a quantity is computed from its last windows.
@@ -86,10 +86,10 @@ const TABLE: [(Quantity, &str, &str, &str); 24] = [
     (Quantity::Slipped, "slipped", "health.slipped_share", "slipped windows"),
     (Quantity::Unexplained, "unexplained", "health.unexplained_share", "unexplained pixels"),
     (Quantity::FalseCandidates, "false_candidates", "health.false_candidates", "expected false candidates"),
-    (Quantity::UnlitCam1, "unlit_cam1", "health.unlit_share", "pixels without fringes, camera 1"),
-    (Quantity::UnlitCam2, "unlit_cam2", "health.unlit_share", "pixels without fringes, camera 2"),
     (Quantity::UnusedRangeCam1, "unused_range_cam1", "health.unused_range_share", "unused grey levels, camera 1"),
     (Quantity::UnusedRangeCam2, "unused_range_cam2", "health.unused_range_share", "unused grey levels, camera 2"),
+    (Quantity::UnlitCam1, "unlit_cam1", "health.unlit_share", "pixels without fringes, camera 1"),
+    (Quantity::UnlitCam2, "unlit_cam2", "health.unlit_share", "pixels without fringes, camera 2"),
 ];
 
 impl Quantity {

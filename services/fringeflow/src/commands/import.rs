@@ -12,7 +12,7 @@ use fringeflow_recording::{ImportOptions, import};
 
 use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
-use crate::image_health::image_warnings;
+use crate::image_health::image_faults;
 use crate::input::Input;
 use crate::{json, progress};
 
@@ -42,7 +42,7 @@ struct Report<'a> {
     image_pairs: usize,
     messages: u64,
     /// What the images show by themselves.
-    warnings: Vec<String>,
+    faults: Vec<String>,
 }
 
 /// Where the options act.
@@ -68,14 +68,14 @@ impl Args {
         let counts = import(&dataset, &self.output, &options, || bar.inc(1))?;
         bar.finish_and_clear();
         let input = Input::Folder(Box::new(dataset));
-        let warnings = image_warnings(&input, &settings)?;
+        let faults = image_faults(&input, &settings)?;
         let (set, messages) = (input.setup().name.as_str(), counts.total().passed);
         if self.json {
-            return json::print(&Report { recording: &self.output, set, image_pairs, messages, warnings });
+            return json::print(&Report { recording: &self.output, set, image_pairs, messages, faults });
         }
         let mut out = std::io::stdout().lock();
-        for warning in warnings {
-            writeln!(out, "{warning}")?;
+        for fault in faults {
+            writeln!(out, "warning: {fault}")?;
         }
         Ok(writeln!(out, "{set}: {image_pairs} image pairs in {}", self.output.display())?)
     }

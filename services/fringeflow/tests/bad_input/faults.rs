@@ -37,8 +37,31 @@ const SAME_SIZE: [u32; 2] = [SIZE_PX[0] as u32, SIZE_PX[1] as u32];
 
 pub(crate) const FAULTS: &[Fault] = &[
     fault("missing folder", remove_folder, "/set: ", ""),
-    fault("missing calibration", |f| remove_file(f, "calibration.yml"), "calibration.yml", "cannot be read"),
-    fault("missing description", |f| remove_file(f, "meta.json"), "meta.json", "cannot be read"),
+    fault("missing calibration", |f| remove_file(f, "calibration.yml"), "/set: ", "it has no calibration.yml"),
+    fault("missing description", |f| remove_file(f, "meta.json"), "/set: ", "it has no meta.json"),
+    fault("two calibrations", add_second_calibration, "calibration.xml", "is a second calibration beside"),
+    fault("misspelt field", |f| add_field(f, "bit", json!(12)), META, "field bit is not known; is bits meant?"),
+    fault(
+        "shifts in degrees",
+        |f| edit_meta(f, "/phase_shift_rad", json!([0, 90, 180, 270])),
+        META,
+        "field phase_shift_rad: [0.0, 90.0, 180.0, 270.0] look like degrees",
+    ),
+    fault("JPEG images", |f| rename_images(f, "jpg"), "cam1/phase_00.jpg", "is a JPEG image"),
+    fault(
+        "images of another kind",
+        |f| rename_images(f, "webp"),
+        "cam1/phase_00.png",
+        "its folder holds phase_00.webp",
+    ),
+    fault("lengths in squares of a board", scale_lengths, "/set", "another unit than the measurement volume"),
+    fault("the projector in another unit", |f| edit_calibration(f, "Tp", "-0.04, 0.0, 0.01"), CALIBRATION, "field Tp"),
+    fault(
+        "cameras of two sizes",
+        shrink_camera_2,
+        "set/cam2",
+        "is 32 × 64 pixels, and the images of camera 1 are 64 × 64",
+    ),
     fault("missing image", |f| remove_file(f, PHASE_IMAGE), PHASE_IMAGE, "is missing"),
     fault("extra image", add_image, "cam1/phase_04.png", "one image too many"),
     fault(
@@ -93,7 +116,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     fault("images of both views without a format", add_images_of_both, "set/cam1", "add the field source"),
     fault("missing camera", |f| remove_folder(&f.join("cam2")), "set/cam2", "images of a camera"),
     fault("depth beside a source", set_bits_and_source, META, "field bits: is 12, but the depth follows from"),
-    fault("an image in two files", add_second_file, "cam1/phase_00", "exists as .png and as .raw"),
+    fault("an image in two files", add_second_file, "cam1/phase_00", "is the same image as"),
     Fault {
         name: "PNG of a packed format",
         found_in: FoundIn::Images,
@@ -115,7 +138,7 @@ pub(crate) const FAULTS: &[Fault] = &[
         file: "cam2/phase_01.raw",
         says: "has 4095 bytes; a GREY image of 64 × 64 pixels has 4096",
     },
-    image_fault("truncated image", truncate_image, "is not an intact PNG"),
+    image_fault("truncated image", truncate_image, "is not an intact image"),
     image_fault(
         "image of another size",
         |f| replace_image(f, ColorType::Grayscale, BitDepth::Eight, OTHER_SIZE, &[]),
@@ -149,6 +172,41 @@ const fn fault(name: &'static str, damage: fn(&Path), file: &'static str, says: 
 
 const fn image_fault(name: &'static str, damage: fn(&Path), says: &'static str) -> Fault {
     Fault { name, found_in: FoundIn::Images, damage, file: PHASE_IMAGE, says }
+}
+
+/// Copies the calibration to a file with another ending that OpenCV writes.
+fn add_second_calibration(folder: &Path) {
+    std::fs::copy(folder.join(CALIBRATION), folder.join("calibration.xml")).unwrap();
+}
+
+/// Gives the images of both cameras another ending.
+fn rename_images(folder: &Path, ending: &str) {
+    for camera in ["cam1", "cam2"] {
+        for step in 0..4 {
+            let image = folder.join(format!("{camera}/phase_{step:02}.png"));
+            std::fs::rename(&image, image.with_extension(ending)).unwrap();
+        }
+    }
+}
+
+/// Writes the lengths of the calibration in squares of 20 mm.
+fn scale_lengths(folder: &Path) {
+    let mut rig = input::rig();
+    for pose in [&mut rig.cam2_from_cam1, &mut rig.projector_from_cam1] {
+        pose.translation.vector /= 20.0;
+    }
+    write_calibration(&folder.join(CALIBRATION), &rig, Unit::Millimetre).unwrap();
+}
+
+/// Makes the images of camera 2 smaller, and its calibration with them.
+fn shrink_camera_2(folder: &Path) {
+    let mut rig = input::rig();
+    rig.cam2 = Camera::new(rig.cam2.focal_px(), rig.cam2.principal_px(), *rig.cam2.distortion(), [32, 64]);
+    write_calibration(&folder.join(CALIBRATION), &rig, Unit::Millimetre).unwrap();
+    for step in 0..4 {
+        let image = folder.join(format!("cam2/phase_{step:02}.png"));
+        write_image(&image, ColorType::Grayscale, BitDepth::Eight, OTHER_SIZE, &[]);
+    }
 }
 
 fn remove_folder(folder: &Path) {
