@@ -72,6 +72,8 @@ impl ImageFiles<'_> {
         let names = self.files().unwrap_or_default().into_iter();
         let mut names: Vec<String> =
             names.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned())).collect();
+        // Files of the kind itself say more than others.
+        names.sort_by_key(|name| !name.starts_with(kind));
         let more = if names.len() > MOST_NAMES { " …" } else { "" };
         names.truncate(MOST_NAMES);
         let found = if names.is_empty() { "nothing".to_owned() } else { format!("{}{more}", names.join(" ")) };

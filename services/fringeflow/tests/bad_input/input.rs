@@ -70,6 +70,47 @@ pub(crate) fn write_image(
     encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
 }
 
+/// Changes of a dataset folder that leave its images and its calibration the same.
+pub(crate) const OTHER_NAMES: &[(&str, fn(&Path))] = &[
+    ("TIFF", |folder| rewrite_images(folder, "tif", image::ImageFormat::Tiff)),
+    ("BMP", |folder| rewrite_images(folder, "BMP", image::ImageFormat::Bmp)),
+    ("PGM", |folder| rewrite_images(folder, "pgm", image::ImageFormat::Pnm)),
+    ("BMP named PNG", |folder| rewrite_images(folder, "png", image::ImageFormat::Bmp)),
+    ("endings in capitals", |folder| rename_images(folder, |step| format!("phase_{step:02}.PNG"))),
+    ("numbers from 1", |folder| rename_images(folder, |step| format!("phase_{}.png", step + 1))),
+    ("numbers of three digits", |folder| rename_images(folder, |step| format!("phase_{step:03}.png"))),
+    ("calibration.yaml", |folder| {
+        std::fs::rename(folder.join(CALIBRATION_FILE), folder.join("calibration.yaml")).unwrap();
+    }),
+    ("byte order marks", |folder| {
+        for name in [CALIBRATION_FILE, META_FILE] {
+            let text = std::fs::read_to_string(folder.join(name)).unwrap();
+            std::fs::write(folder.join(name), format!("\u{feff}{text}")).unwrap();
+        }
+    }),
+];
+
+/// The phase images of both cameras, the last ones first, with their steps.
+fn phase_images(folder: &Path) -> impl Iterator<Item = (usize, PathBuf)> {
+    let steps = (0..4).rev();
+    let files = steps.flat_map(|step| ["cam1", "cam2"].map(|camera| (step, format!("{camera}/phase_{step:02}.png"))));
+    files.map(|(step, name)| (step, folder.join(name)))
+}
+
+fn rename_images(folder: &Path, name: impl Fn(usize) -> String) {
+    for (step, image) in phase_images(folder) {
+        std::fs::rename(&image, image.with_file_name(name(step))).unwrap();
+    }
+}
+
+fn rewrite_images(folder: &Path, ending: &str, format: image::ImageFormat) {
+    for (_, path) in phase_images(folder) {
+        let image = image::load_from_memory(&std::fs::read(&path).unwrap()).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        image.save_with_format(path.with_extension(ending), format).unwrap();
+    }
+}
+
 /// Lists all files and folders below a folder, sorted.
 pub(crate) fn list_files(folder: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };

@@ -85,6 +85,26 @@ fn intact_input_is_accepted() {
 }
 
 #[test]
+fn images_and_calibrations_under_other_names_are_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (set, out) = (folder.path().join("set"), folder.path().join("out"));
+    std::fs::create_dir(&out).unwrap();
+    input::write_intact(&set);
+    for command in COMMANDS {
+        assert!(command.run(&set, &out).status.success());
+    }
+    let expected = std::fs::read(out.join("cloud.ply")).unwrap();
+    for (case, change) in input::OTHER_NAMES {
+        std::fs::remove_dir_all(&set).unwrap();
+        input::write_intact(&set);
+        change(&set);
+        let output = COMMANDS[0].run(&set, &out);
+        assert!(output.status.success(), "{case}: {}", String::from_utf8_lossy(&output.stderr));
+        assert!(std::fs::read(out.join("cloud.ply")).unwrap() == expected, "{case}");
+    }
+}
+
+#[test]
 fn every_fault_in_a_dataset_is_named_and_nothing_is_written() {
     for fault in FAULTS {
         let folder = tempfile::tempdir().unwrap();

@@ -105,7 +105,8 @@ impl Args {
         if let Some(folder) = &self.output {
             output_folder::prepare(folder)?;
         }
-        let report = report(&setup, &self.assumptions(steps), usize::from(self.grid)).map_err(Failure::unusable)?;
+        let report = report(&setup, &self.assumptions(steps), usize::from(self.grid));
+        let report = report.map_err(|e| Failure::Usage(format!("{}: {e}", self.calibration.display())))?;
         if let Some(folder) = &self.output {
             picture::write(folder, &report.evaluation)?;
         }
