@@ -137,6 +137,8 @@ fn fit(valid_pixels: u64) -> Fit {
         dim_pixels: 2,
         second_harmonic_share: 0.0625,
         third_harmonic_share: 0.031_25,
+        unlit_share: 0.25,
+        unused_range_share: 0.125,
     }
 }
 
