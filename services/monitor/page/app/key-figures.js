@@ -2,7 +2,7 @@
 
 import { byId, setState, setText } from "./elements.js";
 import { MISSING, fixed, milliseconds, short, withUnit } from "./format.js";
-import { describeDrift } from "./gauges.js";
+import { HEALTH_LEVELS, describeDrift, describeHealth } from "./gauges.js";
 import { markLive } from "./panels.js";
 
 const MINUTE_MS = 60_000;
@@ -17,6 +17,7 @@ export function showKeyFigures({ figures, history }) {
     showLosses(figures, history);
     showFigure("efc", short(window?.efc), `efc; ${withUnit(fixed(window?.puc, 1), "%")} unique`);
     showDrift(window);
+    showHealth(window?.health);
     markLive("panel-key-figures");
 }
 
@@ -24,6 +25,12 @@ function showDrift(window) {
     const { level, isBeyond, note } = describeDrift(window);
     showFigure("drift", level, note);
     setState(byId("tile-drift"), "level", isBeyond ? "error" : null);
+}
+
+function showHealth(health) {
+    const state = health?.state ?? MISSING;
+    showFigure("health", state, health ? describeHealth(health.quantities) : "no window yet");
+    setState(byId("tile-health"), "level", HEALTH_LEVELS[state] ?? null);
 }
 
 function showFigure(name, value, note) {
