@@ -174,7 +174,27 @@ fn join(label: &str, words: impl Iterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow_message::StageReport;
+    use fringeflow_message::{StageReport, Text};
+    use fringeflow_runtime::RecordingRate;
+
+    #[test]
+    fn a_recording_that_ended_early_is_not_called_running() {
+        let recording_file = Text::new("/a.mcap");
+        let state = ScanState { scanning: 1, recording: 1, recordings: 1, recording_file, ..ScanState::default() };
+        let rate = RecordingRate::Measured(50.0);
+        let running =
+            RecorderStatus { recordings: 1, early_end: None, rate, room_mb: Some(20_000.0), is_nearly_full: false };
+        assert_eq!(headline(&state, Some(&running), None), "scanning, recording to /a.mcap");
+        let filling = RecorderStatus { is_nearly_full: true, ..running.clone() };
+        let line = headline(&state, Some(&filling), None);
+        assert!(line.starts_with("scanning, recording to /a.mcap; the disk will be full in 6 min"), "{line}");
+        let ended = RecorderStatus { early_end: Some("disk full".to_owned()), ..running };
+        assert_eq!(headline(&state, Some(&ended), None), "scanning; the recording /a.mcap has ended: disk full");
+        let line = log_line(&Tally::default(), &state, Some(&ended), true, 0);
+        assert_eq!(line, "scanning, the recording has ended (disk full): 0.0 clouds/s");
+        let stopped = ScanState { scanning: 0, recording: 0, ..state };
+        assert_eq!(headline(&stopped, Some(&ended), None), "stopped");
+    }
 
     #[test]
     fn the_log_line_shows_losses_and_silent_stages_but_no_zeros() {

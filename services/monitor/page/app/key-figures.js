@@ -37,7 +37,8 @@ function showFigure(name, value, note) {
     const figure = byId(`figure-${name}`);
     setText(figure, value);
     setState(figure, "missing", value === MISSING ? "" : null);
-    setText(byId(`note-${name}`), note);
+    // Before the first value, a note would only repeat that there is none.
+    setText(byId(`note-${name}`), note.includes(MISSING) ? "" : note);
 }
 
 function describeCameras(rates) {
