@@ -134,7 +134,7 @@ impl fmt::Display for RecordingRate {
             Self::Computed { images, windows_at_most } => {
                 write!(
                     f,
-                    "a second of recording takes {images:.1} MB of images and at most {windows_at_most:.1} MB more"
+                    "a second of recording takes {images:.1} MB of images and at most {windows_at_most:.1} MB of results"
                 )
             }
         }
@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn what_is_unknown_is_left_out() {
         let mut status = status(RecordingRate::Computed { images: 20.0, windows_at_most: 80.0 });
-        let rate = "a second of recording takes 20.0 MB of images and at most 80.0 MB more";
+        let rate = "a second of recording takes 20.0 MB of images and at most 80.0 MB of results";
         assert_eq!(status.to_string(), rate);
         status.set_room(Some(12_000.0), false);
         assert_eq!(status.to_string(), format!("{rate}; the disk has room for 12.0 GB, at least 2 min"));
