@@ -144,14 +144,14 @@ impl fmt::Display for RecordingRate {
 impl fmt::Display for RecorderStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.rate)?;
+        let (Some(room_mb), Some(seconds)) = (self.room_mb, self.seconds_left()) else { return Ok(()) };
         let at_least = if matches!(self.rate, RecordingRate::Measured(_)) { "" } else { "at least " };
-        match (self.room_mb, self.seconds_left()) {
-            (Some(room), Some(seconds)) => {
-                write!(f, "; the disk has room for {:.1} GB, {at_least}{}", room * 1e-3, duration(seconds))
-            }
-            _ => Ok(()),
-        }
+        write!(f, "; the disk has room for {}, {at_least}{}", megabytes(room_mb), duration(seconds))
     }
+}
+
+fn megabytes(mb: f64) -> String {
+    if mb < 1000.0 { format!("{mb:.0} MB") } else { format!("{:.1} GB", mb * 1e-3) }
 }
 
 /// A duration in the unit that suits it, rounded down.
@@ -210,6 +210,8 @@ mod tests {
         assert_eq!(status.to_string(), rate);
         status.set_room(Some(12_000.0), false);
         assert_eq!(status.to_string(), format!("{rate}; the disk has room for 12.0 GB, at least 2 min"));
+        status.set_room(Some(600.0), false);
+        assert_eq!(status.to_string(), format!("{rate}; the disk has room for 600 MB, at least 6 s"));
         status.rate = RecordingRate::Measured(0.0);
         assert_eq!(status.seconds_left(), None);
     }

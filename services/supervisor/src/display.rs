@@ -110,7 +110,8 @@ pub fn headline(state: &ScanState, recorder: Option<&RecorderStatus>, waiting: O
     if let Some(why) = recorder.and_then(|recorder| recorder.early_end_of(state)) {
         return format!("{doing}; the recording {file} has ended: {why}");
     }
-    let warning = recorder.and_then(RecorderStatus::warning).map_or_else(String::new, |warning| format!("; {warning}"));
+    let full_in = recorder.and_then(RecorderStatus::full_in);
+    let warning = full_in.map_or_else(String::new, |time| format!("; the disk will be full in {time}"));
     if state.recording != 0 { format!("{doing}, recording to {file}{warning}") } else { doing.to_owned() }
 }
 
@@ -187,7 +188,7 @@ mod tests {
         assert_eq!(headline(&state, Some(&running), None), "scanning, recording to /a.mcap");
         let filling = RecorderStatus { is_nearly_full: true, ..running.clone() };
         let line = headline(&state, Some(&filling), None);
-        assert!(line.starts_with("scanning, recording to /a.mcap; the disk will be full in 6 min"), "{line}");
+        assert_eq!(line, "scanning, recording to /a.mcap; the disk will be full in 6 min");
         let ended = RecorderStatus { early_end: Some("disk full".to_owned()), ..running };
         assert_eq!(headline(&state, Some(&ended), None), "scanning; the recording /a.mcap has ended: disk full");
         let line = log_line(&Tally::default(), &state, Some(&ended), true, 0);
