@@ -13,6 +13,7 @@ import sys
 import time
 
 from browser import Failure, Gone, chromium, wait_for
+from layout import SIZES, describe, misfits
 
 PANELS = {
     "panel-cloud",
@@ -35,7 +36,6 @@ PLOTS = {"panel-latency": 1, "panel-shares": 1, "panel-rates": 1, "panel-delta":
 
 DESKTOP = (1440, 900)
 TABLET = (820, 1180)
-SIZES = [DESKTOP, TABLET, (1180, 820), (1366, 768)]
 
 # A text that acts as markup, script, URL or attribute if the page does not escape it.
 HOSTILE = "<img src=x onerror=alert(1)>\"'&"
@@ -142,6 +142,7 @@ class Checks:
         quantities = self.wait_until_monitor_agrees("window", self.health_differs)["health"]["quantities"]
         self.wait_for_change("#services-rows")
         self.wait_for_change("#flow-rows")
+        self.wait_until_monitor_agrees("recorder", self.recorder_differs)
         for selector in ("#skew", "#disk-free", "#memory-free"):
             number(self.page.text(selector), selector)
         return f"{len(services)} services, {len(stages)} stages, {len(quantities)} quantities of health"
@@ -171,6 +172,8 @@ class Checks:
         health = window["health"]
         if self.page.text("#health-state") != health["state"]:
             return f"the health is shown as {self.page.text('#health-state')}, but is {health['state']}"
+        if self.page.text("#figure-health") != health["state"]:
+            return f"the key figure of health is {self.page.text('#figure-health')}, but it is {health['state']}"
         rows = self.page.ask("tableOf", "#health-rows")
         if len(rows) != len(health["quantities"]):
             return f"{len(rows)} quantities of health are shown, but there are {len(health['quantities'])}"
@@ -208,6 +211,11 @@ class Checks:
         if not summary.startswith(expected):
             return f"the summary of drops is “{summary}” for {lost} losses, but the monitor states “{losses}”"
         return None
+
+    def recorder_differs(self, recorder):
+        shown = self.page.text("#disk-note")
+        is_same = shown.lower() == recorder["text"].lower()
+        return None if is_same else f"the disk is described as “{shown}”, but the recorder says “{recorder['text']}”"
 
     def capacity_differs(self, capacity):
         shown = self.page.text("#capacity")
@@ -434,15 +442,15 @@ class Checks:
         expect(not is_open, "Escape does not close the explanation of the cloud")
         return "opened by Enter, closed by Escape"
 
-    def nothing_overflows(self):
-        wrong = []
+    def everything_fits_and_health_is_on_the_first_screen(self):
+        wrong = misfits(self.page)
         for width, height in SIZES:
             self.page.resize(width, height)
-            wrong += [f"at {width}×{height}: {what}" for what in self.page.ask("overflows")]
-            wrong += [f"at {width}×{height}: {what} is cut off or covered" for what in self.page.ask("cutTexts")]
+            if not self.page.ask("isOnFirstScreen", "#tile-health"):
+                wrong.append(f"at {width}×{height}: the health is below the first screen")
         self.page.resize(*DESKTOP)
         expect(not wrong, some(wrong))
-        return ", ".join(f"{width}×{height}" for width, height in SIZES)
+        return describe()
 
     def light_and_dark_differ(self):
         lightness = {}
@@ -550,7 +558,7 @@ def check_all(checks):
         checks.light_and_dark_differ,
         checks.the_keyboard_reaches_every_control,
         checks.explanations_open_and_close_by_keys,
-        checks.nothing_overflows,
+        checks.everything_fits_and_health_is_on_the_first_screen,
     ):
         checks.run(check)
     if checks.pictures:

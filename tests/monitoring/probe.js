@@ -260,9 +260,22 @@ function extendsBeyondPage(element) {
     return width > 0 && (left < -0.5 || right > innerWidth + 0.5);
 }
 
+/** Lists tables that hide columns until they are scrolled. */
+const hiddenColumns = () =>
+    [...document.querySelectorAll(".table-scroll")]
+        .filter((box) => isShown(box) && isCut(box))
+        .map((box) => `${box.querySelector("table").id || box.id} is ${box.scrollWidth} px wide in ${box.clientWidth}`);
+
+/** Whether an element is wholly visible without scrolling the page. */
+async function isOnFirstScreen(selector) {
+    await toTop();
+    const { top, bottom } = one(selector).getBoundingClientRect();
+    return top >= 0 && bottom <= innerHeight;
+}
+
 /** Lists texts that are cut off, or covered by the question mark of an explanation. */
 const cutTexts = () =>
-    [...document.querySelectorAll("dt, dd, h1, h2, button, .choice, .legend-label, .small-plot-label, .pill")]
+    [...document.querySelectorAll("dt, dd, h1, h2, button, .choice, .tile-note, .legend-label, .small-plot-label, .pill")]
         .filter((element) => isShown(element) && (isCut(element) || isCovered(element)))
         .map((element) => nameOf(element));
 

@@ -218,7 +218,8 @@ impl Recordable<'_> {
     }
 
     /// Returns the approximate size of the encoded form, bytes.
-    pub(super) fn encoded_size(&self) -> usize {
+    #[must_use]
+    pub fn encoded_size(&self) -> usize {
         let payload = match self {
             Self::Frame { image, .. } => image.len(),
             Self::Maps { payload, .. } | Self::Correspondences { payload, .. } => payload.len(),

@@ -26,8 +26,12 @@ impl Default for History {
 
 impl History {
     /// Adds a report, and the journey that it completed. The report counts in the interval of its time; a late report
-    /// counts in the last interval.
+    /// counts in the last interval. The timeline begins with the first item: services may report for minutes before
+    /// the first image arrives.
     pub fn add(&mut self, report: &StageReport, journey: Option<&Journey>) {
+        if self.intervals.is_empty() && report.of_item == 0 {
+            return;
+        }
         self.extend_to(report.time_ns);
         if let Some(interval) = self.intervals.last_mut() {
             interval.add(report, journey);
@@ -47,7 +51,7 @@ impl History {
         self.span_ns
     }
 
-    /// Times of the first and the last report; `None` before the first report.
+    /// Times of the first item and of the last report; `None` before the first item.
     #[must_use]
     pub fn bounds_ns(&self) -> Option<[u64; 2]> {
         Some([self.intervals.first()?.begin_ns(), self.last_ns])
@@ -162,6 +166,17 @@ mod tests {
         assert_eq!((history.intervals.len(), samples.len()), (3, 2));
         assert!((samples[1].rates["cloud"] - 11.0).abs() < 1e-6);
         assert!(History::default().samples(|_| 0.0).is_empty());
+    }
+
+    #[test]
+    fn the_timeline_begins_with_the_first_item() {
+        let mut history = History::default();
+        (0..100).for_each(|n| history.add(&StageReport { of_item: 0, ..report(0, n * SECOND_NS) }, None));
+        assert_eq!((history.bounds_ns(), history.samples(|_| 0.0).len()), (None, 0));
+        history.add(&report(1, 100 * SECOND_NS), None);
+        history.add(&StageReport { of_item: 0, ..report(1, 103 * SECOND_NS) }, None);
+        assert_eq!(history.bounds_ns(), Some([100 * SECOND_NS, 103 * SECOND_NS]));
+        assert_eq!(history.samples(|_| 0.0).len(), 3);
     }
 
     #[test]

@@ -20,7 +20,7 @@
 //!     let report = StageReport { stage: Stage::Cloud as u32, of_item: 1, counts, ..StageReport::default() };
 //!     run.add(&StageReport { exposure_start_ns, passed_ns, time_ns: passed_ns, ..report });
 //! }
-//! assert_eq!(run.cloud_rate_hz(), Some(1.0));
+//! assert_eq!(run.tally().stage(Stage::Cloud).unwrap().mean_rate_hz(), Some(1.0));
 //! assert_eq!(run.tally().total().count(), 2);
 //! ```
 

@@ -1,6 +1,6 @@
 //! Summarizes a whole run from its reports, in bounded memory. The same type serves live runs and recordings.
 
-use fringeflow_message::{Stage, StageReport, WindowReport};
+use fringeflow_message::{StageReport, WindowReport};
 
 use super::{Cause, HealthRecord, History, Journey, Latencies, Sample, Segment, Tally, WindowFigures, WorstWindows};
 
@@ -26,8 +26,6 @@ pub struct RunReport {
     worst: WorstWindows,
     window: Option<WindowFigures>,
     health: HealthRecord,
-    /// Times of the first and of the last cloud.
-    clouds_ns: Option<[u64; 2]>,
 }
 
 impl RunReport {
@@ -41,7 +39,6 @@ impl RunReport {
             worst: WorstWindows::new(most),
             window: None,
             health: HealthRecord::default(),
-            clouds_ns: None,
         }
     }
 
@@ -51,10 +48,6 @@ impl RunReport {
         self.history.add(report, journey.as_ref());
         if let Some(journey) = &journey {
             self.worst.add(journey);
-        }
-        if Stage::from_code(report.stage) == Some(Stage::Cloud) && report.of_item != 0 {
-            self.clouds_ns =
-                Some([self.clouds_ns.map_or(report.passed_ns, |[first_ns, _]| first_ns), report.passed_ns]);
         }
     }
 
@@ -118,14 +111,6 @@ impl RunReport {
         self.tally.total().count().saturating_sub(self.windows())
     }
 
-    /// Clouds per second, from the first to the last cloud; `None` for fewer than two.
-    #[must_use]
-    pub fn cloud_rate_hz(&self) -> Option<f64> {
-        let [first_ns, last_ns] = self.clouds_ns?;
-        let span_ns = last_ns.checked_sub(first_ns).filter(|&span_ns| span_ns > 0)?;
-        Some((self.tally.total().count() - 1) as f64 / (span_ns as f64 * 1e-9))
-    }
-
     /// Latencies from the start of the last exposure to the published cloud; `None` in a replay.
     #[must_use]
     pub fn exposure_to_cloud(&self) -> Option<&Latencies> {
@@ -170,6 +155,7 @@ impl RunReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fringeflow_message::{Counts, Stage};
 
     const MS: u64 = 1_000_000;
 
@@ -184,6 +170,7 @@ mod tests {
             (Stage::Correspondence, phase_ms + queue_ms, found_ms),
             (Stage::Cloud, found_ms, found_ms + 5),
         ] {
+            let passed = run.tally().stage(stage).map_or(0, |of_stage| of_stage.counts.passed) + 1;
             run.add(&StageReport {
                 stage: stage as u32,
                 of_item: 1,
@@ -192,6 +179,7 @@ mod tests {
                 received_ns: received_ms * MS,
                 taken_ns: taken_ms * MS,
                 passed_ns: passed_ms * MS,
+                counts: Counts { taken: passed, passed, ..Counts::default() },
                 ..StageReport::default()
             });
         }
@@ -215,7 +203,8 @@ mod tests {
         assert!((causes[1].ms - 90.0).abs() < 1e-9 && (causes[1].median_ms / 30.0 - 1.0).abs() < 0.02);
         let sums: u64 = run.segments().map(|(_, latencies)| latencies.sum_ns()).sum();
         assert_eq!(sums, run.exposure_to_cloud().unwrap().sum_ns());
-        assert!((run.cloud_rate_hz().unwrap() - 51.0 / 7.07).abs() < 1e-2);
+        let clouds = run.tally().stage(Stage::Cloud).unwrap();
+        assert!((clouds.mean_rate_hz().unwrap() - 51.0 / 7.07).abs() < 1e-2);
     }
 
     #[test]
@@ -231,6 +220,7 @@ mod tests {
     fn windows_without_their_beginning_are_counted() {
         let mut run = RunReport::new(Exposures::Live, 3);
         run.add(&StageReport { stage: Stage::Cloud as u32, of_item: 1, ..StageReport::default() });
-        assert_eq!((run.windows(), run.incomplete(), run.worst().len(), run.cloud_rate_hz()), (0, 1, 0, None));
+        assert_eq!((run.windows(), run.incomplete(), run.worst().len()), (0, 1, 0));
+        assert_eq!(run.tally().stage(Stage::Cloud).unwrap().mean_rate_hz(), None);
     }
 }

@@ -45,6 +45,8 @@ pub struct StageTally {
     pub latencies: Latencies,
     /// Time and count of passed items at the start of the present measurement of the rate.
     rate_from: (u64, u64),
+    /// When the first and the last item were passed on, and the counts of passed items then.
+    items: Option<[(u64, u64); 2]>,
     meter: LoadMeter,
 }
 
@@ -102,6 +104,7 @@ impl StageTally {
             skew: Skew::default(),
             latencies: Latencies::default(),
             rate_from: (report.time_ns, report.counts.passed),
+            items: None,
             meter: LoadMeter::new(report),
         }
     }
@@ -117,6 +120,8 @@ impl StageTally {
         self.skew.join(&report.skew);
         if report.of_item != 0 {
             self.latencies.record(report.taken_ns, report.passed_ns);
+            let item = (report.passed_ns, report.counts.passed);
+            self.items = Some([self.items.map_or(item, |[first, _]| first), item]);
         }
         let (from_ns, passed) = self.rate_from;
         let span_ns = report.time_ns.saturating_sub(from_ns);
@@ -130,6 +135,14 @@ impl StageTally {
     #[must_use]
     pub fn load(&self) -> Option<Load> {
         self.meter.load()
+    }
+
+    /// Items passed per second, from the first item to the last; `None` for fewer than two.
+    #[must_use]
+    pub fn mean_rate_hz(&self) -> Option<f64> {
+        let [(first_ns, before), (last_ns, passed)] = self.items?;
+        let span_ns = last_ns.checked_sub(first_ns).filter(|&span_ns| span_ns > 0)?;
+        Some(passed.saturating_sub(before) as f64 / (span_ns as f64 * 1e-9))
     }
 
     /// Whether the stage has not reported for three seconds.

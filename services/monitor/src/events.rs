@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, VecDeque};
 use serde::Serialize;
 
 use fringeflow_message::{Counts, ScanState, Stage};
+use fringeflow_runtime::RecorderStatus;
 use fringeflow_telemetry::health::{HealthState, Quantity};
 use fringeflow_telemetry::{GaugeFigures, HealthFigures, Tally};
 
@@ -48,6 +49,9 @@ pub(crate) struct EventLog {
     services: BTreeMap<&'static str, (ServiceState, u32)>,
     /// States of health at the last update.
     health: BTreeMap<Quantity, HealthState>,
+    /// Number of the last recording that ended early.
+    ended_early: u64,
+    is_disk_nearly_full: bool,
 }
 
 impl EventLog {
@@ -73,6 +77,26 @@ impl EventLog {
             if GaugeFigures::is_noteworthy_change(before, gauge.state) {
                 self.push(wall_ms, level, "health", gauge.to_string());
             }
+        }
+    }
+
+    /// Adds events if the recording has ended early, or the disk is nearly full or not any more.
+    pub(crate) fn update_recorder(&mut self, state: &ScanState, recorder: Option<&RecorderStatus>, wall_ms: f64) {
+        let Some(recorder) = recorder else { return };
+        if let Some(why) = recorder.early_end_of(state)
+            && std::mem::replace(&mut self.ended_early, state.recordings) != state.recordings
+        {
+            let text = format!("the recording {} has ended: {why}", state.recording_file.to_text());
+            self.push(wall_ms, Level::Error, "recorder", text);
+        }
+        let warning = recorder.warning();
+        let was_nearly_full = std::mem::replace(&mut self.is_disk_nearly_full, warning.is_some());
+        match warning {
+            Some(warning) if !was_nearly_full => self.push(wall_ms, Level::Warning, "recorder", warning),
+            None if was_nearly_full && state.recording != 0 && recorder.early_end.is_none() => {
+                self.push(wall_ms, Level::Info, "recorder", "the disk will last for ten minutes again".to_owned());
+            }
+            _ => {}
         }
     }
 
@@ -107,11 +131,13 @@ impl EventLog {
 
     fn update_state(&mut self, state: &ScanState, wall_ms: f64) {
         let before = self.state.replace(*state).unwrap_or_default();
+        // A recording that ended early has its event.
+        let was_recording = before.recording != 0 && before.recordings != self.ended_early;
         let mut push = |source: &'static str, text: String| self.push(wall_ms, Level::Info, source, text);
         if state.scanning != before.scanning {
             push("instance", if state.scanning == 0 { "scanning stopped" } else { "scanning" }.to_owned());
         }
-        if before.recording != 0 && (state.recording == 0 || state.recordings != before.recordings) {
+        if was_recording && (state.recording == 0 || state.recordings != before.recordings) {
             push("instance", format!("recording ended: {}", before.recording_file.to_text()));
         }
         if state.recording != 0 && state.recordings != before.recordings {
@@ -155,6 +181,7 @@ impl EventLog {
 mod tests {
     use super::*;
     use fringeflow_message::{DropReason, GaugeReport, Incident, StageReport, Text, WindowReport};
+    use fringeflow_runtime::RecordingRate;
 
     fn texts(log: &EventLog, after: u64) -> Vec<String> {
         log.after(after).map(|event| format!("{}: {}", event.source, event.text)).collect()
@@ -204,6 +231,31 @@ mod tests {
                 "mark: <ear>"
             ]
         );
+    }
+
+    #[test]
+    fn an_early_end_and_a_nearly_full_disk_are_one_event_each() {
+        let mut log = EventLog::default();
+        let mut state = ScanState { scanning: 1, recording: 1, recordings: 1, ..ScanState::default() };
+        state.recording_file = Text::new("/a.mcap");
+        let rate = RecordingRate::Measured(50.0);
+        let mut recorder =
+            RecorderStatus { recordings: 1, early_end: None, rate, room_mb: Some(20_000.0), is_nearly_full: true };
+        let mut update = |state: &ScanState, recorder: &RecorderStatus| {
+            let before = log.last_id();
+            log.update(&Tally::default(), state, &[], 0.0);
+            log.update_recorder(state, Some(recorder), 0.0);
+            texts(&log, before)
+        };
+        let begun = update(&state, &recorder);
+        assert!(begun.len() == 3 && begun[2].starts_with("recorder: the disk will be full in 6 min"), "{begun:?}");
+        assert_eq!(update(&state, &recorder), Vec::<String>::new());
+        recorder.is_nearly_full = false;
+        assert_eq!(update(&state, &recorder), ["recorder: the disk will last for ten minutes again"]);
+        recorder.early_end = Some("disk full".to_owned());
+        assert_eq!(update(&state, &recorder), ["recorder: the recording /a.mcap has ended: disk full"]);
+        state.recording = 0;
+        assert_eq!(update(&state, &recorder), Vec::<String>::new());
     }
 
     #[test]

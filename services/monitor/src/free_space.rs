@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use fringeflow_runtime::free_bytes;
 use serde::Serialize;
 
 /// Mount point of the shared memory.
@@ -17,26 +18,7 @@ pub(crate) struct FreeSpace {
 impl FreeSpace {
     /// Measures the shared memory of this machine, and the disk that holds a folder or will hold it.
     pub(crate) fn measure(folder: &Path) -> Self {
-        let existing = folder.ancestors().find(|folder| folder.exists());
-        Self {
-            shared_memory_free_mb: free_mb(Path::new(SHARED_MEMORY)),
-            disk_free_mb: existing.map_or(f64::NAN, free_mb),
-        }
-    }
-}
-
-fn free_mb(path: &Path) -> f64 {
-    rustix::fs::statvfs(path).map_or(f64::NAN, |disk| (disk.f_bavail * disk.f_frsize) as f64 / 1e6)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_missing_folder_has_the_space_of_its_parent() {
-        let folder = tempfile::tempdir().unwrap();
-        let free = FreeSpace::measure(&folder.path().join("not/yet"));
-        assert!(free.disk_free_mb > 0.0 && free.shared_memory_free_mb >= 0.0);
+        let free_mb = |folder| free_bytes(folder).map_or(f64::NAN, |bytes| bytes as f64 / 1e6);
+        Self { shared_memory_free_mb: free_mb(Path::new(SHARED_MEMORY)), disk_free_mb: free_mb(folder) }
     }
 }

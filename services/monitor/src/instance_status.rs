@@ -1,7 +1,7 @@
 //! The status of an instance as the monitor knows it, and the JSON messages to the page.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use fringeflow_config::ScannerConfiguration;
 use fringeflow_dataset::Setup;
 use fringeflow_message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
-use fringeflow_runtime::{Preparation, live_services, sources};
+use fringeflow_runtime::{Preparation, RecorderStatus, live_services, sources};
 use fringeflow_telemetry::{
     Capacity, DropLine, Interval, Losses, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
     TrackingWatch, WindowFigures,
@@ -43,6 +43,7 @@ pub(crate) struct InstanceStatus {
     pub(crate) state: ScanState,
     /// Progress of a service that prepares before the scan can begin.
     pub(crate) preparation: Option<Preparation>,
+    pub(crate) recorder: Option<RecorderStatus>,
     /// Skew since the end of the last second.
     current_skew: Skew,
     /// Skew in the last second.
@@ -84,6 +85,7 @@ impl InstanceStatus {
             tracking: None,
             state: ScanState::default(),
             preparation: None,
+            recorder: None,
             current_skew: Skew::default(),
             skew: Skew::default(),
             free_space: FreeSpace::measure(&configuration.recorder.folder),
@@ -115,18 +117,21 @@ impl InstanceStatus {
     pub(crate) fn end_second(
         &mut self,
         preparation: Option<Preparation>,
+        recorder: Option<RecorderStatus>,
         now_ns: u64,
         wall_ms: f64,
         clients: usize,
     ) -> String {
         self.preparation = preparation;
+        self.recorder = recorder;
         self.services.update(&self.tally, now_ns);
         self.service_statuses = self.services.statuses();
         self.events.update(&self.tally, &self.state, &self.service_statuses, wall_ms);
+        self.events.update_recorder(&self.state, self.recorder.as_ref(), wall_ms);
         self.events.update_health(self.window.as_ref().and_then(|window| window.health.as_ref()), wall_ms);
         let counts = self.tally.stage(Stage::Tracking).map(|of_stage| of_stage.counts).unwrap_or_default();
         self.tracking = self.tracking_watch.figures(&counts, now_ns);
-        self.free_space = FreeSpace::measure(&self.recordings);
+        self.free_space = FreeSpace::measure(&self.recordings_folder());
         self.skew = std::mem::take(&mut self.current_skew);
         let sample = self.interval.sample(now_ns, wall_ms);
         self.interval = Interval::new(now_ns, Some(&self.interval));
@@ -163,6 +168,19 @@ impl InstanceStatus {
         (!events.is_empty()).then(|| json!({"type": "events", "events": events}).to_string())
     }
 
+    /// Returns the folder of the running recording, else that of recordings without a path.
+    fn recordings_folder(&self) -> PathBuf {
+        let file = PathBuf::from(self.state.recording_file.to_text());
+        let folder = file.parent().filter(|_| self.state.recording != 0);
+        folder.map_or_else(|| self.recordings.clone(), Path::to_owned)
+    }
+
+    /// Whether a recording runs: one was asked for, and it has not ended early.
+    pub(crate) fn is_recording(&self) -> bool {
+        let early_end = self.recorder.as_ref().and_then(|recorder| recorder.early_end_of(&self.state));
+        self.state.recording != 0 && early_end.is_none()
+    }
+
     /// Items that a stage has taken and not finished.
     pub(crate) fn in_work(&self, stage: Stage) -> u64 {
         self.tally.stage(stage).and_then(|of_stage| of_stage.counts.in_work()).unwrap_or(0)
@@ -184,7 +202,7 @@ impl InstanceStatus {
             "type": "figures",
             "wall_ms": sample.wall_ms,
             "sample": sample,
-            "state": state_entry(&self.state),
+            "state": state_entry(&self.state, self.recorder.as_ref()),
             "preparation": self.preparation.as_ref().map(ToString::to_string),
             "services": self.service_statuses,
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
@@ -197,6 +215,7 @@ impl InstanceStatus {
             "health_for_s": self.health_for_s(now_ns),
             "tracking": self.tracking,
             "room": self.free_space,
+            "recorder": self.recorder.as_ref().map(recorder_entry),
             "clients": clients,
         })
     }
@@ -221,11 +240,21 @@ impl InstanceStatus {
 }
 
 /// Returns the state of the scan as JSON for the page.
-pub(crate) fn state_entry(state: &ScanState) -> Value {
+pub(crate) fn state_entry(state: &ScanState, recorder: Option<&RecorderStatus>) -> Value {
     json!({
         "scanning": state.scanning != 0,
         "recording": (state.recording != 0).then(|| state.recording_file.to_text()),
+        "recording_ended": recorder.and_then(|recorder| recorder.early_end_of(state)),
         "recordings": state.recordings,
         "marks": state.marks,
+    })
+}
+
+/// Returns how much a recording takes and how long the disk lasts, as JSON for the page.
+fn recorder_entry(recorder: &RecorderStatus) -> Value {
+    json!({
+        "text": recorder.to_string(),
+        "is_short": recorder.is_short(),
+        "full_in": recorder.full_in(),
     })
 }

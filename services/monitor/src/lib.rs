@@ -27,7 +27,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use fringeflow_message::{PoseReport, ScanState, Stage, StageReport, WindowReport};
 use fringeflow_recording::Recordable;
-use fringeflow_runtime::{Host, MAX_WAIT, Preparation, ServiceArgs, ServiceError, clock, receive};
+use fringeflow_runtime::{Host, MAX_WAIT, Preparation, RecorderStatus, ServiceArgs, ServiceError, clock, receive};
 use fringeflow_transport::{
     REPORT_STAGE, REPORT_WINDOW, SCAN_STATE, Subscriber, TRACKING_POSE, TransportError, wait_for,
 };
@@ -78,7 +78,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<(), ServiceError> {
             figures_ns = now_ns;
             let clients = shared.clients.load(std::sync::atomic::Ordering::Relaxed);
             let preparation = Preparation::read(&shared.instance);
-            let figures = shared.status().end_second(preparation, now_ns, wall_ms, clients);
+            let recorder = RecorderStatus::read(&shared.instance);
+            let figures = shared.status().end_second(preparation, recorder, now_ns, wall_ms, clients);
             shared.figures.send_replace(figures.into());
             send_new_events(&shared, &mut viewers, &mut last_event_id, now_ns);
             viewers.send_static(&host.setup, now_ns);

@@ -71,7 +71,7 @@ fn write_instance(out: &mut MetricWriter<'_>, status: &InstanceStatus, clients: 
     let version = vec![("version", env!("CARGO_PKG_VERSION"))];
     out.gauges("build_info", "The running version.", [(version, 1.0)])?;
     out.gauge("scanning", "1 while cameras and projector run.", f64::from(status.state.scanning))?;
-    out.gauge("recording", "1 while a recording runs.", f64::from(status.state.recording))?;
+    out.gauge("recording", "1 while a recording runs.", f64::from(u8::from(status.is_recording())))?;
     out.gauge("monitor_clients", "Connected dashboard pages.", clients as f64)?;
     let bytes = |mb: f64| mb * 1e6;
     let free = status.free_space;

@@ -46,6 +46,17 @@ pub(crate) enum Incoming<'a> {
 /// A message in shared memory.
 pub(crate) struct Held<H: Header>(Received<H, [u8]>);
 
+impl Incoming<'_> {
+    /// Approximate size in a recording, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            Self::Message(message) => message.encoded_size(),
+            Self::Image(image) => Recordable::Frame { header: &image.header(), image: image.as_ref() }.encoded_size(),
+            Self::Cloud(cloud) => Recordable::Cloud { header: &cloud.header(), records: cloud.as_ref() }.encoded_size(),
+        }
+    }
+}
+
 impl<H: Header + Copy> Held<H> {
     pub(crate) fn header(&self) -> H {
         *self.0.header()

@@ -5,6 +5,7 @@
 //! recorder.
 
 mod channels;
+mod meter;
 mod session;
 
 use fringeflow_message::{Counts, DropReason, PriorHeader, ScanState, Stage};
@@ -13,6 +14,7 @@ use fringeflow_runtime::{Account, Host, ServiceArgs, ServiceError, clock, receiv
 use fringeflow_transport::{SCAN_STATE, Subscriber};
 
 use channels::{Channels, Incoming};
+use meter::Meter;
 use session::Session;
 
 /// Outcome of the recordings of a run.
@@ -33,6 +35,8 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
     let mut channels = Channels::open(&host)?;
     let mut states = Subscriber::open(&host.node, SCAN_STATE, &host.sizes)?;
     let mut recorder = Recorder::open(&host)?;
+    recorder.measure(&host);
+    tracing::info!("{}", recorder.meter.status);
     loop {
         // Read before the channels are emptied, so that the last messages are recorded too.
         let is_last = host.stop.is_requested();
@@ -43,6 +47,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
         recorder.write_account()?;
         if host.is_heartbeat_due() {
             recorder.check_session();
+            recorder.measure(&host);
             host.report(Stage::Recorder, recorder.account.counts(), None);
         }
         host.check_connections(|host, now_ns| {
@@ -69,6 +74,7 @@ struct Recorder {
     prior: Option<(PriorHeader, Vec<u8>)>,
     /// The last state of the instance: recordings and marks requested so far.
     last_state: Option<ScanState>,
+    meter: Meter,
     has_failed: bool,
 }
 
@@ -76,7 +82,8 @@ impl Recorder {
     fn open(host: &Host) -> Result<Self, ServiceError> {
         let account = host.open_account(Stage::Recorder)?;
         let outside = *account.counts();
-        Ok(Self { account, outside, session: None, prior: None, last_state: None, has_failed: false })
+        let meter = Meter::new(host, clock::now_ns());
+        Ok(Self { account, outside, session: None, prior: None, last_state: None, meter, has_failed: false })
     }
 
     /// Follows the changes of the state, and receives all waiting messages.
@@ -93,6 +100,7 @@ impl Recorder {
 
     /// Records a message; `missing` messages before it were overwritten in its channel.
     fn record(&mut self, message: Incoming<'_>, missing: u64) {
+        self.meter.add(message.bytes());
         self.outside.taken += missing;
         self.outside.drop_many(DropReason::Overrun, missing);
         if let Incoming::Message(Recordable::Prior { header, relief }) = &message {
@@ -119,7 +127,9 @@ impl Recorder {
             self.end_session();
         }
         if state.recording != 0 && state.recordings != before.recordings {
-            match Session::start(state, host, is_continued) {
+            let started = Session::start(state, host, is_continued);
+            self.meter.note_start(state, started.as_ref().err().map(ToString::to_string));
+            match started {
                 Ok(session) => {
                     if let Some((header, relief)) = &self.prior {
                         session.record(Incoming::Message(Recordable::Prior { header, relief }), 0);
@@ -153,9 +163,22 @@ impl Recorder {
 
     /// Logs once if the running recording has ended early.
     fn check_session(&mut self) {
-        if let Some(message) = self.session.as_mut().and_then(Session::report_early_end) {
+        let Some(session) = &mut self.session else { return };
+        if let Some(reason) = session.report_early_end() {
+            let message = format!("{}: {reason}; the scan goes on without a recording", session.file().display());
+            self.meter.note_early_end(reason);
             self.fail(&message);
         }
+    }
+
+    /// Measures how much a recording takes and how much room the disk has for it, and tells other processes.
+    fn measure(&mut self, host: &Host) {
+        let settings = &host.configuration.recorder;
+        let folder = self.session.as_ref().and_then(|session| session.file().parent()).unwrap_or(&settings.folder);
+        let is_recording = self.session.as_ref().is_some_and(Session::is_running);
+        self.meter.update_rate(self.last_state.is_some_and(|state| state.scanning != 0), clock::now_ns());
+        self.meter.update_room(folder, settings.min_free_bytes, is_recording);
+        host.publish_recorder_status(&self.meter.status);
     }
 
     fn write_account(&mut self) -> Result<(), ServiceError> {

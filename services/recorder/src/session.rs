@@ -68,10 +68,19 @@ impl Session {
     }
 
     /// Returns why nothing more is written, once.
-    pub(crate) fn report_early_end(&mut self) -> Option<String> {
+    pub(crate) fn report_early_end(&mut self) -> Option<&'static str> {
         let reason = self.recorder.end_reason()?;
         let is_first = !std::mem::replace(&mut self.has_reported_end, true);
-        is_first.then(|| format!("{}: {reason}; the scan goes on without a recording", self.file.display()))
+        is_first.then_some(reason)
+    }
+
+    pub(crate) fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Whether messages are still written.
+    pub(crate) fn is_running(&self) -> bool {
+        self.recorder.end_reason().is_none()
     }
 
     /// Closes the file. Returns the counts of its messages, and its path.

@@ -13,7 +13,9 @@ use fringeflow_transport::{
 use fringeflow_wire as wire;
 
 use crate::clock::{cpu_ns, now_ns};
-use crate::{Account, AccountError, ArgumentError, PreparationReporter, ServiceArgs, Stop, accounts_folder};
+use crate::{
+    Account, AccountError, ArgumentError, PreparationReporter, RecorderStatus, ServiceArgs, Stop, accounts_folder,
+};
 
 /// Longest wait of a service for messages. Heartbeats and the reaction to a stop request are late by this at most.
 pub const MAX_WAIT: Duration = Duration::from_millis(100);
@@ -152,6 +154,11 @@ impl Host {
     #[must_use]
     pub fn begin_preparation(&self, what: &str, total: u64) -> PreparationReporter {
         PreparationReporter::new(&self.accounts, what, total)
+    }
+
+    /// Tells other processes what the recorder does.
+    pub fn publish_recorder_status(&self, status: &RecorderStatus) {
+        status.write(&self.accounts);
     }
 
     /// Opens the account of a stage that this service keeps.

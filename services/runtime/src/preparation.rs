@@ -3,14 +3,13 @@
 
 use std::fmt;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use fringeflow_transport::Instance;
 
-use crate::accounts_folder;
+use crate::{accounts_folder, status_file};
 
 /// Progress of a preparation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,7 +33,7 @@ impl Preparation {
     /// Reads the running preparation of an instance. Returns `None` if there is none.
     #[must_use]
     pub fn read(instance: &Instance) -> Option<Self> {
-        serde_json::from_slice(&fs::read(progress_file(&accounts_folder(instance))).ok()?).ok()
+        status_file::read(&progress_file(&accounts_folder(instance)))
     }
 }
 
@@ -60,17 +59,7 @@ impl PreparationReporter {
     }
 
     fn publish(&self) {
-        if let Err(error) = self.write() {
-            tracing::debug!(%error, "the progress of the preparation cannot be written");
-        }
-    }
-
-    /// Replaces the file in one step, so that readers never see half of it.
-    fn write(&self) -> io::Result<()> {
-        let unfinished = self.file.with_extension("part");
-        self.file.parent().map_or(Ok(()), fs::create_dir_all)?;
-        fs::write(&unfinished, serde_json::to_vec(&self.preparation)?)?;
-        fs::rename(&unfinished, &self.file)
+        status_file::write(&self.file, &self.preparation);
     }
 }
 

@@ -80,8 +80,11 @@ impl<'a> WarmUp<'a> {
     ) -> Result<(), ServiceError> {
         let mut found = Correspondences::default();
         let mut search = correspondence::new_worker(self.configuration, self.setup, table)?;
-        note_failure(search.step(&self.maps()?, &mut found));
-        worker.step(&found, out);
+        // A search that fails leaves correspondences without a size, which cannot be triangulated.
+        match search.step(&self.maps()?, &mut found) {
+            Ok(()) => worker.step(&found, out),
+            failure => note_failure(failure),
+        }
         Ok(())
     }
 }
@@ -195,6 +198,17 @@ pub(crate) mod tests {
             assert!(fresh.2.points.len() > seen / 2);
             assert!(warm.results(first_step, &window) == fresh, "step {first_step}");
         }
+    }
+
+    #[test]
+    fn a_wall_that_cannot_be_searched_is_not_triangulated() {
+        let (configuration, setup, table) = scanner();
+        let mut dark = WarmUp::new(&configuration, &setup, middle_of_volume_m(&setup).unwrap());
+        dark.images.iter_mut().flatten().for_each(|image| image.fill(0));
+        let mut worker = CloudWorker::new(&setup.rig, Arc::clone(&table)).unwrap();
+        let mut cloud = Cloud::default();
+        dark.triangulate(&table, &mut worker, &mut cloud).unwrap();
+        assert!(cloud.points.is_empty());
     }
 
     #[test]

@@ -12,6 +12,8 @@ use crate::timestamped_path;
 #[derive(Debug)]
 pub(crate) struct Control {
     pub(crate) state: ScanState,
+    /// Why the recording that the state asks for ended early; `None` while it runs.
+    pub(crate) early_end: Option<String>,
     /// Whether the instance should end.
     pub(crate) should_quit: bool,
     /// Folder of the recordings that are given no path.
@@ -23,7 +25,13 @@ pub(crate) struct Control {
 impl Control {
     pub(crate) fn new(configuration: &ScannerConfiguration) -> Self {
         let folder = configuration.recorder.folder.clone();
-        Self { state: ScanState::default(), should_quit: false, folder, name: configuration.name.clone() }
+        Self {
+            state: ScanState::default(),
+            early_end: None,
+            should_quit: false,
+            folder,
+            name: configuration.name.clone(),
+        }
     }
 
     /// Executes a request. The response has the new state, and a text for the user: what was done, or why not.
@@ -71,7 +79,7 @@ impl Control {
 
     /// Starts a recording to the file `text`. If it is empty, the file gets a default name, made from the time.
     pub(crate) fn start_recording(&mut self, text: &str) -> Result<(), String> {
-        if self.state.recording != 0 {
+        if self.state.recording != 0 && self.early_end.is_none() {
             return Err(format!("a recording is already running: {}", self.state.recording_file.to_text()));
         }
         let file = if text.is_empty() { self.default_file()? } else { PathBuf::from(text) };
@@ -81,6 +89,7 @@ impl Control {
         let name = name.ok_or_else(|| format!("{}: the path is too long or not UTF-8", file.display()))?;
         self.state.recording_file = Text::new(name);
         self.state.recording = 1;
+        self.early_end = None;
         self.state.recordings += 1;
         self.state.revision += 1;
         Ok(())
@@ -92,15 +101,19 @@ impl Control {
     }
 
     fn end_recording(&mut self) -> Result<String, String> {
-        match std::mem::take(&mut self.state.recording) {
-            0 => Err("no recording is running; there is nothing to end".to_owned()),
-            _ => Ok("recording ended".to_owned()),
+        if std::mem::take(&mut self.state.recording) == 0 {
+            return Err("no recording is running; there is nothing to end".to_owned());
         }
+        let early_end = self.early_end.take();
+        Ok(early_end.map_or_else(|| "recording ended".to_owned(), |why| format!("the recording had ended: {why}")))
     }
 
     fn mark(&mut self, text: &str) -> Result<String, String> {
         if self.state.recording == 0 {
             return Err("no recording is running; start one before you set a mark".to_owned());
+        }
+        if let Some(why) = &self.early_end {
+            return Err(format!("the recording has ended: {why}; start another one before you set a mark"));
         }
         self.state.mark = Text::new(text);
         self.state.marks += 1;
@@ -128,7 +141,7 @@ mod tests {
 
     fn control(folder: &Path) -> Control {
         let folder = folder.to_owned();
-        Control { state: ScanState::default(), should_quit: false, folder, name: "test".to_owned() }
+        Control { state: ScanState::default(), early_end: None, should_quit: false, folder, name: "test".to_owned() }
     }
 
     fn ask(control: &mut Control, command: Command, text: &str) -> (u32, String) {
@@ -178,5 +191,21 @@ mod tests {
         let (_, reason) = ask(&mut control, Command::RecordStart, "/nowhere/at/all.mcap");
         assert!(reason.contains("does not exist"), "{reason}");
         assert_eq!((control.state.recording, control.state.recordings), (0, 1));
+    }
+
+    #[test]
+    fn a_recording_that_ended_early_takes_no_mark_and_gives_way_to_another() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut control = control(folder.path());
+        let [first, second] = ["1.mcap", "2.mcap"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+        assert_eq!(ask(&mut control, Command::RecordStart, &first).0, 0);
+        control.early_end = Some("disk full".to_owned());
+        assert!(ask(&mut control, Command::Mark, "here").1.contains("has ended: disk full"));
+        assert_eq!(ask(&mut control, Command::RecordStart, &second).0, 0);
+        assert_eq!((control.state.recordings, &control.early_end), (2, &None));
+        assert_eq!(ask(&mut control, Command::Mark, "here").0, 0);
+        control.early_end = Some("disk full".to_owned());
+        assert_eq!(ask(&mut control, Command::RecordStop, ""), (0, "the recording had ended: disk full".to_owned()));
+        assert_eq!((control.state.recording, &control.early_end), (0, &None));
     }
 }

@@ -5,8 +5,8 @@ use std::io::{IsTerminal, Write, stderr};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
 use fringeflow_message::{DropReason, ScanState, Stage};
-use fringeflow_runtime::Preparation;
 use fringeflow_runtime::log::{self, Redirection};
+use fringeflow_runtime::{Preparation, RecorderStatus};
 use fringeflow_telemetry::{StageTally, Tally};
 use fringeflow_transport::Instance;
 
@@ -44,16 +44,24 @@ impl Display {
         self.lines.is_some()
     }
 
-    /// Updates the lines, or logs a line if it is time. `waiting` says what the scan waits for.
-    pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: Option<&str>, now_ns: u64) {
+    /// Updates the lines, or logs a line if it is time. `recorder` says what the recorder does, and `waiting` what the
+    /// scan waits for.
+    pub(crate) fn show(
+        &mut self,
+        tally: &Tally,
+        state: &ScanState,
+        recorder: Option<&RecorderStatus>,
+        waiting: Option<&str>,
+        now_ns: u64,
+    ) {
         if self.lines.is_some() {
-            self.headline.set_message(headline(state, waiting));
+            self.headline.set_message(headline(state, recorder, waiting));
             for (stage, stage_tally) in tally.stages() {
                 self.line_for(stage).set_message(stage_line(stage, stage_tally, now_ns));
             }
         } else if now_ns.saturating_sub(self.logged_ns) >= LOG_INTERVAL_NS {
             self.logged_ns = now_ns;
-            let scan_line = || log_line(tally, state, self.is_live, now_ns);
+            let scan_line = || log_line(tally, state, recorder, self.is_live, now_ns);
             tracing::info!("{}", waiting.map_or_else(scan_line, str::to_owned));
         }
     }
@@ -93,14 +101,18 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-/// Returns one line about the instance: what it waits for, or whether it scans and records.
+/// Returns one line about the instance: what it waits for, or whether it scans and records. `recorder` says whether the
+/// recording has ended early, or the disk is nearly full.
 #[must_use]
-pub fn headline(state: &ScanState, waiting: Option<&str>) -> String {
-    match waiting {
-        Some(waiting) => waiting.to_owned(),
-        None if state.recording != 0 => format!("{}, recording to {}", scanning(state), state.recording_file.to_text()),
-        None => scanning(state).to_owned(),
+pub fn headline(state: &ScanState, recorder: Option<&RecorderStatus>, waiting: Option<&str>) -> String {
+    let doing = waiting.unwrap_or_else(|| scanning(state));
+    let file = state.recording_file.to_text();
+    if let Some(why) = recorder.and_then(|recorder| recorder.early_end_of(state)) {
+        return format!("{doing}; the recording {file} has ended: {why}");
     }
+    let full_in = recorder.and_then(RecorderStatus::full_in);
+    let warning = full_in.map_or_else(String::new, |time| format!("; the disk will be full in {time}"));
+    if state.recording != 0 { format!("{doing}, recording to {file}{warning}") } else { doing.to_owned() }
 }
 
 /// Returns what an instance that has not scanned yet waits for: a preparation, or the start of its services. Works from
@@ -116,8 +128,12 @@ fn scanning(state: &ScanState) -> &'static str {
 }
 
 /// Returns one line for the log: clouds per second, latency, drops by reason, silent stages.
-fn log_line(tally: &Tally, state: &ScanState, is_live: bool, now_ns: u64) -> String {
-    let recording = if state.recording != 0 { ", recording" } else { "" };
+fn log_line(tally: &Tally, state: &ScanState, recorder: Option<&RecorderStatus>, is_live: bool, now_ns: u64) -> String {
+    let recording = match recorder.and_then(|recorder| recorder.early_end_of(state)) {
+        Some(why) => format!(", the recording has ended ({why})"),
+        None if state.recording != 0 => ", recording".to_owned(),
+        None => String::new(),
+    };
     let clouds_hz = tally.stage(Stage::Cloud).map_or(0.0, |cloud| cloud.rate_hz);
     let latency = tally.total().brief().filter(|_| is_live);
     let latency = latency.map_or_else(String::new, |l| format!(", latency p50 {:.0} ms", l.p50_ms));
@@ -159,12 +175,32 @@ fn join(label: &str, words: impl Iterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow_message::StageReport;
+    use fringeflow_message::{StageReport, Text};
+    use fringeflow_runtime::RecordingRate;
+
+    #[test]
+    fn a_recording_that_ended_early_is_not_called_running() {
+        let recording_file = Text::new("/a.mcap");
+        let state = ScanState { scanning: 1, recording: 1, recordings: 1, recording_file, ..ScanState::default() };
+        let rate = RecordingRate::Measured(50.0);
+        let running =
+            RecorderStatus { recordings: 1, early_end: None, rate, room_mb: Some(20_000.0), is_nearly_full: false };
+        assert_eq!(headline(&state, Some(&running), None), "scanning, recording to /a.mcap");
+        let filling = RecorderStatus { is_nearly_full: true, ..running.clone() };
+        let line = headline(&state, Some(&filling), None);
+        assert_eq!(line, "scanning, recording to /a.mcap; the disk will be full in 6 min");
+        let ended = RecorderStatus { early_end: Some("disk full".to_owned()), ..running };
+        assert_eq!(headline(&state, Some(&ended), None), "scanning; the recording /a.mcap has ended: disk full");
+        let line = log_line(&Tally::default(), &state, Some(&ended), true, 0);
+        assert_eq!(line, "scanning, the recording has ended (disk full): 0.0 clouds/s");
+        let stopped = ScanState { scanning: 0, recording: 0, ..state };
+        assert_eq!(headline(&stopped, Some(&ended), None), "stopped");
+    }
 
     #[test]
     fn the_log_line_shows_losses_and_silent_stages_but_no_zeros() {
         let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
-        assert_eq!(log_line(&tally, &state, true, 0), "scanning: 0.0 clouds/s");
+        assert_eq!(log_line(&tally, &state, None, true, 0), "scanning: 0.0 clouds/s");
         let ms = 1_000_000;
         for stage in [Stage::Camera1, Stage::Camera2, Stage::Cloud] {
             let mut report =
@@ -173,8 +209,8 @@ mod tests {
             report.counts.drop_many(DropReason::BetweenWindows, 9);
             tally.add(&report);
         }
-        assert!(!log_line(&tally, &state, false, 0).contains("latency"));
-        let line = log_line(&tally, &state, true, 10_000 * ms);
+        assert!(!log_line(&tally, &state, None, false, 0).contains("latency"));
+        let line = log_line(&tally, &state, None, true, 10_000 * ms);
         assert_eq!(
             line,
             "scanning: 0.0 clouds/s, latency p50 40 ms, dropped: overrun 6, silent: camera1, camera2, cloud"

@@ -18,7 +18,7 @@ use std::time::Duration;
 use fringeflow_message::{DropReason, Stage};
 use fringeflow_recording::{Origin, UNFINISHED};
 use fringeflow_runtime::{
-    Account, AccountError, Preparation, ServiceKind, Stop, accounts_folder, channel_sizes, clock,
+    Account, AccountError, Preparation, RecorderStatus, ServiceKind, Stop, accounts_folder, channel_sizes, clock,
 };
 use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
@@ -271,7 +271,10 @@ impl<'a, 's> Supervisor<'a, 's> {
             Err(error) => tracing::warn!("{error}"),
         }
         let waiting = self.startup_status();
-        self.display.show(self.reports.run.tally(), &self.control.state, waiting.as_deref(), now_ns);
+        let state = &self.control.state;
+        let recorder = RecorderStatus::read(self.instance);
+        self.control.early_end = recorder.as_ref().and_then(|recorder| recorder.early_end_of(state)).map(str::to_owned);
+        self.display.show(self.reports.run.tally(), state, recorder.as_ref(), waiting.as_deref(), now_ns);
     }
 
     /// Returns what the scan waits for: a preparation of a service, or services that have not reported. Returns `None`

@@ -6,7 +6,7 @@ use std::io::Write;
 use fringeflow_config::SERVICES;
 use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow_runtime::processors::ResourceGrants;
-use fringeflow_runtime::{Preparation, accounts_folder, clock};
+use fringeflow_runtime::{Preparation, RecorderStatus, accounts_folder, clock};
 use fringeflow_supervisor::{Observed, headline, observe, read_startup_status, stage_line};
 use fringeflow_telemetry::{
     Capacity, GaugeFigures, HealthFigures, Latency, Losses, StageFigures, StageTally, Tally, TrackingFigures,
@@ -39,7 +39,10 @@ struct Report {
     scanning: bool,
     /// Preparation of a service that the scan waits for.
     preparation: Option<Preparation>,
+    /// File of the recording that was asked for.
     recording: Option<String>,
+    /// What the recorder does: whether that recording ended early, and how long the disk lasts.
+    recorder: Option<RecorderStatus>,
     /// URL of the dashboard.
     dashboard: Option<String>,
     /// Losses since the start, each counted once.
@@ -101,9 +104,13 @@ impl Args {
         let mut out = std::io::stdout().lock();
         let now_ns = clock::now_ns();
         let waiting = read_startup_status(instance, &state);
-        writeln!(out, "{}: {}", instance.name(), headline(&state, waiting.as_deref()))?;
+        let recorder = RecorderStatus::read(instance);
+        writeln!(out, "{}: {}", instance.name(), headline(&state, recorder.as_ref(), waiting.as_deref()))?;
         if let Some(url) = dashboard_url(instance) {
             writeln!(out, "dashboard: {url}")?;
+        }
+        if let Some(recorder) = &recorder {
+            writeln!(out, "{recorder}")?;
         }
         writeln!(out, "{}", losses(&observed.tally))?;
         if let Some(capacity) = Capacity::from_tally(&observed.tally) {
@@ -138,6 +145,7 @@ impl Report {
             preparation: Preparation::read(instance),
             dashboard: dashboard_url(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
+            recorder: RecorderStatus::read(instance),
             lost: losses(&tally),
             capacity: Capacity::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),

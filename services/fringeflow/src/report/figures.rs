@@ -7,7 +7,8 @@ use serde::Serialize;
 use fringeflow_message::{Counts, Stage};
 use fringeflow_recording::Origin;
 use fringeflow_telemetry::{
-    DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, WindowFigures,
+    DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, StageTally,
+    WindowFigures,
 };
 
 /// General information about a run.
@@ -36,17 +37,16 @@ pub(crate) struct RunFigures<'a> {
     pub(crate) info: RunInfo<'a>,
     /// Whether the run was a replay. Then the times before a window was complete are unknown.
     pub(crate) replayed: bool,
-    /// Time of the first report on the wall clock, Unix milliseconds.
-    pub(crate) started_wall_ms: f64,
-    /// Time from the first report to the last, seconds.
+    /// Time of the first image on the wall clock, Unix milliseconds; `None` if none arrived.
+    pub(crate) started_wall_ms: Option<f64>,
+    /// Time from the first image to the last report, seconds.
     pub(crate) duration_s: f64,
     /// Windows that were followed from exposure to cloud.
     pub(crate) windows: u64,
     /// Windows with a cloud that lack the report of an earlier stage.
     pub(crate) windows_incomplete: u64,
-    cloud_rate_hz: Option<f64>,
     pub(crate) exposure_to_cloud: Option<Latency>,
-    pub(crate) stages: Vec<StageFigures>,
+    pub(crate) stages: Vec<StageLine>,
     pub(crate) segments: Vec<SegmentLine>,
     pub(crate) worst: Vec<WindowLine>,
     drops: Vec<DropLine>,
@@ -57,6 +57,15 @@ pub(crate) struct RunFigures<'a> {
     /// Interval between the points of the time line, seconds.
     span_s: f64,
     time_line: Vec<Sample>,
+}
+
+/// A stage.
+#[derive(Serialize)]
+pub(crate) struct StageLine {
+    #[serde(flatten)]
+    pub(crate) figures: StageFigures,
+    /// Items passed on per second, from the first item to the last.
+    mean_rate_hz: Option<f64>,
 }
 
 /// A segment of the time from exposure to cloud.
@@ -73,7 +82,7 @@ pub(crate) struct SegmentLine {
 pub(crate) struct WindowLine {
     /// Start of its last exposure on the wall clock, Unix milliseconds; in a replay, the time when it was complete.
     pub(crate) wall_ms: f64,
-    /// The same time in seconds since the first report.
+    /// The same time in seconds since the first image.
     pub(crate) time_s: f64,
     pub(crate) total_ms: f64,
     /// Why it was slow, in words.
@@ -87,19 +96,18 @@ pub(crate) struct WindowLine {
 impl<'a> RunFigures<'a> {
     /// Figures of a run. `counts` are the final counts of its stages.
     pub(crate) fn new(info: RunInfo<'a>, counts: &[(Stage, Counts)], run: &'a RunReport) -> Self {
-        let [first_ns, last_ns] = run.history().bounds_ns().unwrap_or_default();
+        let bounds_ns = run.history().bounds_ns();
+        let [first_ns, last_ns] = bounds_ns.unwrap_or_default();
         let wall_ms = |time_ns| info.origin.unix_ms(time_ns);
-        let stage = |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, run.tally().stage(*stage));
         let time_line = run.samples(wall_ms);
         Self {
             replayed: run.exposures() == Exposures::Replayed,
-            started_wall_ms: wall_ms(first_ns),
+            started_wall_ms: bounds_ns.map(|_| wall_ms(first_ns)),
             duration_s: seconds(last_ns - first_ns),
             windows: run.windows(),
             windows_incomplete: run.incomplete(),
-            cloud_rate_hz: run.cloud_rate_hz(),
             exposure_to_cloud: run.exposure_to_cloud().and_then(|latencies| latencies.brief()),
-            stages: counts.iter().map(stage).collect(),
+            stages: counts.iter().map(|(stage, counts)| StageLine::new(*stage, counts, run)).collect(),
             segments: segment_lines(run),
             worst: run
                 .worst()
@@ -113,6 +121,16 @@ impl<'a> RunFigures<'a> {
             span_s: seconds(run.history().span_ns()),
             time_line,
             info,
+        }
+    }
+}
+
+impl StageLine {
+    fn new(stage: Stage, counts: &Counts, run: &RunReport) -> Self {
+        let tally = run.tally().stage(stage);
+        Self {
+            figures: StageFigures::new(stage, counts, tally),
+            mean_rate_hz: tally.and_then(StageTally::mean_rate_hz),
         }
     }
 }

@@ -8,6 +8,6 @@ mod figures;
 mod html;
 mod run_page;
 
-pub(crate) use figures::{RunFigures, RunInfo, WindowLine};
+pub(crate) use figures::{RunFigures, RunInfo, StageLine, WindowLine};
 pub(crate) use html::write_html;
 pub(crate) use run_page::RunPage;

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use fringeflow_message::{DropReason, Stage};
+use serde_json::Value;
 
-use crate::support::Bench;
+use crate::support::{Bench, NAME};
 
 /// A small file system; unmounted when dropped.
 struct SmallDisk(PathBuf);
@@ -14,7 +15,7 @@ impl SmallDisk {
     /// Mounts the file system. Returns `None` if this user may not mount.
     fn mount(folder: &Path) -> Option<Self> {
         std::fs::create_dir(folder).unwrap();
-        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=33m", "tmpfs"]).arg(folder).output();
+        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", "size=120m", "tmpfs"]).arg(folder).output();
         mount.is_ok_and(|output| output.status.success()).then(|| Self(folder.to_owned()))
     }
 }
@@ -38,11 +39,23 @@ fn a_full_disk_ends_the_recording_but_not_the_scan() {
     let recording = disk.0.join("scan.mcap");
     let live = bench.start(&[&"--record", &recording]);
     live.wait_until("the disk is full", || bench.counts(Stage::Recorder).dropped(DropReason::DiskFull) > 0);
+    let status = || bench.json(&[0], &[&"status", &NAME, &"--json"]);
+    live.wait_until("status knows that the recording has ended", || status()["recorder"]["early_end"] == "disk full");
+    assert!(status()["recorder"]["rate"]["measured"].as_f64().unwrap() > 0.0);
+    let said = bench.execute(&[0], &[&"status", &NAME]);
+    let ended = format!("t: scanning; the recording {} has ended: disk full\n", recording.display());
+    assert!(said.starts_with(&ended) && said.contains("a second of recording takes"), "{said}");
+    // Nothing is marked in a recording that has ended, and another one can start.
+    live.wait_until("marks are refused", || bench.fringeflow(&[&"control", &NAME, &"mark"]).status.code() != Some(0));
+    bench.execute(&[0], &[&"control", &NAME, &"record", &bench.path("again.mcap")]);
     live.wait_for_clouds(20);
+    assert_eq!(status()["recorder"]["early_end"], Value::Null);
     let run = live.quit();
     run.assert_balanced();
     assert_eq!((run.code, &run.summary["restarts"]), (Some(3), &0.into()), "{run:?}");
-    assert!(run.log.contains("the disk is full"), "{}", run.log);
+    for part in ["a second of recording takes", "the disk will be full in", "the disk is full"] {
+        assert!(run.log.contains(part), "{part:?} is missing in: {}", run.log);
+    }
     bench.assert_nothing_left();
     let check = bench.json(&[3], &[&"check", &recording, &"--json"]);
     assert_eq!(check["fault_count"], 0, "{check}");

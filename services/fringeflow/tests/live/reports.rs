@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use crate::monitor::prometheus::{monitoring_file, python, run_script};
 use crate::support::{Bench, FinishedRun};
 
 #[test]
@@ -25,6 +26,8 @@ fn a_run_and_its_recording_report_the_same_latencies() {
         (&"t".into(), &false.into(), &false.into())
     );
     assert_eq!(live["exposure_to_cloud"], run.summary["exposure_to_cloud"]);
+    // The services report before the first image, but the time line begins with it.
+    assert!(live["time_line"][0]["rates"]["camera1"].as_f64().unwrap() > 0.0, "{live}");
 
     let [html, offline_trace] = ["offline.html", "offline.json"].map(|name| bench.path(name));
     let arguments: &[&dyn AsRef<std::ffi::OsStr>] =
@@ -33,6 +36,7 @@ fn a_run_and_its_recording_report_the_same_latencies() {
     assert_same_latencies(&live, &offline);
     assert!(!offline["worst"].as_array().unwrap().is_empty() && offline["worst"][0]["cause"].is_string());
     assert_eq!(embedded_data(&html)["exposure_to_cloud"], offline["exposure_to_cloud"]);
+    eprintln!("{}", run_script(python().arg(monitoring_file("report.py")).args([&page, &html])));
     assert_trace(&offline_trace);
     let text = bench.execute(&[0], &[&"latency", &recording]);
     for part in ["correspondence_queue", "exposure to cloud", "slowest windows", "(median "] {

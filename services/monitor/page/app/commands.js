@@ -31,7 +31,7 @@ export class Commands {
         this.#state = state;
         if (state !== null) {
             setText(this.#scan, state.scanning ? "Stop scan" : "Start scan");
-            setText(this.#record, state.recording ? "End recording" : "Record");
+            setText(this.#record, isRecording(state) ? "End recording" : "Record");
         }
         for (const button of [this.#scan, this.#record, this.#mark]) {
             button.setAttribute("aria-disabled", String(state === null));
@@ -67,7 +67,8 @@ export class Commands {
 }
 
 const scanCommand = (state) => ({ command: state?.scanning ? "stop" : "start" });
-const recordCommand = (state) => ({ command: state?.recording ? "end-recording" : "record" });
+const isRecording = (state) => Boolean(state?.recording) && !state.recording_ended;
+const recordCommand = (state) => ({ command: isRecording(state) ? "end-recording" : "record" });
 
 /** Sends a command and returns the state after it. Throws an error whose message is meant for the user. */
 async function control(command) {

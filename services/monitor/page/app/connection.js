@@ -98,7 +98,7 @@ function describeClose(event, wasLive) {
         return event.reason;
     }
     if (event.code === 1001) {
-        return "the server is shutting down";
+        return "the instance is ending";
     }
-    return wasLive ? "the server closed the connection" : "the server does not answer, or refuses";
+    return wasLive ? "the server closed the connection" : "no answer; the instance has ended, or refuses this page";
 }

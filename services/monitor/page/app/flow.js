@@ -1,20 +1,20 @@
 // Waiting items, skew of the cameras, and free space.
 
 import { byId, setState, setText } from "./elements.js";
-import { fixed, megabytes, milliseconds, plural, withUnit } from "./format.js";
+import { capitalized, fixed, megabytes, milliseconds, plural, withUnit } from "./format.js";
 import { titled } from "./names.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
 
-// With less free space, a scan of some minutes may not fit.
-const LOW_DISK_MB = 2000;
 const LOW_MEMORY_MB = 64;
 
 export function showFlow({ figures }) {
     showRows(byId("flow-rows"), (figures.stages ?? []).map(cellsOf));
     showSkew(figures.skew);
-    showFreeSpace("disk-free", figures.room?.disk_free_mb, LOW_DISK_MB);
-    showFreeSpace("memory-free", figures.room?.shared_memory_free_mb, LOW_MEMORY_MB);
+    const { disk_free_mb: disk, shared_memory_free_mb: memory } = figures.room ?? {};
+    showFreeSpace("disk-free", disk, figures.recorder?.is_short);
+    showFreeSpace("memory-free", memory, memory < LOW_MEMORY_MB);
+    setText(byId("disk-note"), capitalized(figures.recorder?.text ?? "free for recordings"));
     setText(byId("about-clients"), `${plural(figures.clients, "page")} connected`);
     markLive("panel-flow");
 }
@@ -36,7 +36,7 @@ function showSkew(skew) {
     setText(byId("skew-ends"), skew ? `${fixed(skew.least_ms, 3)} to ${fixed(skew.greatest_ms, 3)} ms` : "no pairs");
 }
 
-function showFreeSpace(id, free, low) {
+function showFreeSpace(id, free, isLow) {
     setText(byId(id), megabytes(free));
-    setState(byId(id), "level", free < low ? "error" : null);
+    setState(byId(id), "level", isLow ? "error" : null);
 }

@@ -48,4 +48,6 @@ export function timeOfDay(wallMs) {
     return `${twoDigits(time.getHours())}:${twoDigits(time.getMinutes())}:${twoDigits(time.getSeconds())}`;
 }
 
+export const capitalized = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
 export const fileName = (path) => path.split("/").pop();

@@ -13,6 +13,15 @@ export function gaugeValue(value, unit) {
     return unit ? withUnit(fixed(value, 3), unit) : withUnit(fixed(100 * value, 1), "%");
 }
 
+/** Says which of the quantities of health are beyond their limits. */
+export function describeHealth(quantities) {
+    const beyond = quantities.filter(({ state }) => state === "warn" || state === "bad");
+    if (beyond.length > 1) {
+        return `${beyond.length} quantities beyond their limits`;
+    }
+    return beyond.length === 1 ? beyond[0].title : "all quantities within their limits";
+}
+
 /** The drift of a window: its level in rad as text, whether it is beyond a limit, and a note. */
 export function describeDrift(window) {
     const drift = window?.health?.quantities.find(({ quantity }) => quantity === "drift");

@@ -1,7 +1,7 @@
 // The health of the scanner: quantities that are watched from window to window, with their limits.
 
 import { byId, setState, setText } from "./elements.js";
-import { MISSING, fixed, isNumber, withUnit } from "./format.js";
+import { MISSING, capitalized, fixed, isNumber, withUnit } from "./format.js";
 import { HEALTH_LEVELS, gaugeValue } from "./gauges.js";
 import { markLive } from "./panels.js";
 import { showRows } from "./table.js";
@@ -40,5 +40,3 @@ function durationText(seconds) {
     }
     return seconds < 2 * HOUR_S ? withUnit(fixed(seconds / MINUTE_S), "min") : withUnit(fixed(seconds / HOUR_S), "h");
 }
-
-const capitalized = (text) => text.charAt(0).toUpperCase() + text.slice(1);

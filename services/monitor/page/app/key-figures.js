@@ -2,7 +2,7 @@
 
 import { byId, setState, setText } from "./elements.js";
 import { MISSING, fixed, milliseconds, short, withUnit } from "./format.js";
-import { describeDrift } from "./gauges.js";
+import { HEALTH_LEVELS, describeDrift, describeHealth } from "./gauges.js";
 import { markLive } from "./panels.js";
 
 const MINUTE_MS = 60_000;
@@ -17,6 +17,7 @@ export function showKeyFigures({ figures, history }) {
     showLosses(figures, history);
     showFigure("efc", short(window?.efc), `efc; ${withUnit(fixed(window?.puc, 1), "%")} unique`);
     showDrift(window);
+    showHealth(window?.health);
     markLive("panel-key-figures");
 }
 
@@ -26,11 +27,18 @@ function showDrift(window) {
     setState(byId("tile-drift"), "level", isBeyond ? "error" : null);
 }
 
+function showHealth(health) {
+    const state = health?.state ?? MISSING;
+    showFigure("health", state, health ? describeHealth(health.quantities) : "no window yet");
+    setState(byId("tile-health"), "level", HEALTH_LEVELS[state] ?? null);
+}
+
 function showFigure(name, value, note) {
     const figure = byId(`figure-${name}`);
     setText(figure, value);
     setState(figure, "missing", value === MISSING ? "" : null);
-    setText(byId(`note-${name}`), note);
+    // Before the first value, a note would only repeat that there is none.
+    setText(byId(`note-${name}`), note.includes(MISSING) ? "" : note);
 }
 
 function describeCameras(rates) {

@@ -85,13 +85,13 @@ function handleHello(hello) {
 function handleFigures(message) {
     figures = message;
     history.add(message.sample);
-    applyState(message.state ?? {}, message.preparation ?? null);
+    applyState(message.state ?? {}, message);
     cloudView?.showPreparation(message.preparation ?? null);
     drawPanels();
 }
 
-function applyState(state, preparation = null) {
-    showState(state, preparation);
+function applyState(state, { preparation = null, recorder = null } = figures ?? {}) {
+    showState(state, preparation, recorder);
     commands.showState(state);
 }
 

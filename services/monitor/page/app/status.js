@@ -47,20 +47,30 @@ function describeLoss({ name, why, retryMs, receivedAt }) {
     return `Not connected: ${why}. Trying again in ${retryMs / 1000} s.${old}`;
 }
 
-/** Shows the state of the scan. `preparation` is the progress of a service that prepares before the scan can begin. */
-export function showState(state, preparation) {
+/**
+ * Shows the state of the scan. `preparation` is the progress of a service that prepares before the scan can begin;
+ * `recorder` says when the disk will be full.
+ */
+export function showState(state, preparation, recorder) {
     const scanning = byId("scanning");
     setState(scanning, "level", state.scanning ? "ok" : "idle");
     setText(scanning, preparation ?? (state.scanning ? "Scanning" : "Not scanning"));
     const recording = byId("recording");
-    setState(recording, "level", state.recording ? "recording" : "idle");
+    setState(recording, "level", state.recording_ended ? "error" : state.recording ? "recording" : "idle");
     setText(recording, describeRecording(state));
     recording.title = state.recording ?? "";
+    const disk = byId("disk-warning");
+    disk.hidden = !recorder?.full_in;
+    setText(disk, `Disk full in ${recorder?.full_in ?? ""}`);
+    disk.title = recorder?.text ?? "";
 }
 
-function describeRecording({ recording, marks }) {
+function describeRecording({ recording, recording_ended: why, marks }) {
     if (!recording) {
         return "Not recording";
+    }
+    if (why) {
+        return `Recording ended: ${why}`;
     }
     return `Recording ${fileName(recording)}${marks ? `, ${plural(marks, "mark")}` : ""}`;
 }

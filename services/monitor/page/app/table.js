@@ -7,17 +7,20 @@ export function showRows(body, rows) {
     while (body.rows.length > rows.length) {
         body.lastElementChild.remove();
     }
+    const titles = [...body.parentElement.tHead.rows[0].cells].map((cell) => cell.textContent);
     rows.forEach((cells, index) => {
-        const row = body.rows[index] ?? body.appendChild(makeRow(cells));
+        const row = body.rows[index] ?? body.appendChild(makeRow(cells, titles));
         cells.forEach((cell, column) => showCell(row.cells[column], cell));
     });
 }
 
-const makeRow = (cells) => element("tr", {}, ...cells.map(makeCell));
+const makeRow = (cells, titles) => element("tr", {}, ...cells.map((cell, column) => makeCell(cell, titles[column])));
 
-function makeCell({ head, number, badge }) {
+// On narrow screens, where the head is hidden, each cell shows its title.
+function makeCell({ head, number, badge }, title) {
     const text = element("span", badge ? { class: badge } : {});
-    return head ? element("th", { scope: "row" }, text) : element("td", number ? { class: "number" } : {}, text);
+    const attributes = { "data-title": title, ...(number && { class: "number" }) };
+    return head ? element("th", { scope: "row" }, text) : element("td", attributes, text);
 }
 
 function showCell(cell, { text, level, title }) {

@@ -3,12 +3,16 @@
 import { byId, setState, setText } from "./elements.js";
 import { plural, short, withUnit } from "./format.js";
 
-/** Offers the model if the instance makes one. */
+// Whether the instance made a model at the last connection; null before the first.
+let wasTracked = null;
+
+/** Offers the model if the instance makes one, and shows it until the user chooses the last cloud. */
 export function startTracking({ tracked }) {
     byId("cloud-source-choice").hidden = !tracked;
     byId("tracking-state").hidden = !tracked;
-    if (!tracked && byId("cloud-source").value === "model") {
-        byId("cloud-source").value = "cloud";
+    if (tracked !== wasTracked) {
+        wasTracked = tracked;
+        byId("cloud-source").value = tracked ? "model" : "cloud";
         byId("cloud-source").dispatchEvent(new Event("change"));
     }
 }

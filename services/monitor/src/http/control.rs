@@ -11,6 +11,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use fringeflow_message::{Command, ControlRequest, ControlResponse, Text};
+use fringeflow_runtime::RecorderStatus;
 use fringeflow_transport::{Instance, TransportError, request};
 
 use crate::instance_status::state_entry;
@@ -55,7 +56,8 @@ pub(super) async fn control(State(server): State<ServerState>, headers: HeaderMa
     let answer = tokio::task::spawn_blocking(move || send(&instance, &command)).await;
     match answer {
         Ok(Ok(response)) if response.refused == 0 => {
-            reply(StatusCode::OK, &json!({"state": state_entry(&response.state)}))
+            let recorder = RecorderStatus::read(&server.shared.instance);
+            reply(StatusCode::OK, &json!({"state": state_entry(&response.state, recorder.as_ref())}))
         }
         Ok(Ok(response)) => refuse(StatusCode::CONFLICT, &response.text.to_text()),
         Ok(Err(error)) => refuse(StatusCode::BAD_GATEWAY, &error.to_string()),

@@ -6,7 +6,7 @@ use std::time::{Duration, UNIX_EPOCH};
 use fringeflow_telemetry::Latency;
 
 use crate::failure::Failure;
-use crate::report::{RunFigures, WindowLine};
+use crate::report::{RunFigures, StageLine, WindowLine};
 
 /// Prints the figures.
 pub(super) fn print(figures: &RunFigures<'_>) -> Result<(), Failure> {
@@ -21,8 +21,9 @@ pub(super) fn print(figures: &RunFigures<'_>) -> Result<(), Failure> {
 fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     let info = &figures.info;
     let instance = info.instance.unwrap_or("an instance without a name");
-    let (start, duration_s) = (wall_clock(figures.started_wall_ms), figures.duration_s);
-    writeln!(out, "{instance}: {duration_s:.1} s from {start}, fringeflow {}", info.version)?;
+    let start =
+        figures.started_wall_ms.map_or_else(|| "without an image".to_owned(), |ms| format!("from {}", wall_clock(ms)));
+    writeln!(out, "{instance}: {:.1} s {start}, fringeflow {}", figures.duration_s, info.version)?;
     if figures.replayed {
         writeln!(
             out,
@@ -42,7 +43,7 @@ fn print_head(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> 
 
 fn print_stages(out: &mut impl Write, figures: &RunFigures<'_>) -> io::Result<()> {
     writeln!(out, "\n{:<21} {:>8}  {}", "stage", "count", titles())?;
-    for stage in &figures.stages {
+    for StageLine { figures: stage, .. } in &figures.stages {
         if let Some(latency) = stage.latency {
             writeln!(out, "{:<21} {:>8}  {}", stage.stage, latency.count, times(latency))?;
         }

@@ -14,12 +14,12 @@ function showHead() {
 }
 
 function showAbout() {
-    const start = new Date(run.started_wall_ms);
+    const start = run.started_wall_ms === null ? null : new Date(run.started_wall_ms);
     const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
     const [width, height] = run.image_size_px;
     const { host, cpu, kernel } = run.origin;
     const facts = [
-        [run.is_recorded ? "First report" : "Start", `${day(start)} ${second(start)}`, `time zone ${zone}`],
+        ["First image", start ? `${day(start)} ${second(start)}` : "none", `time zone ${zone}`],
         ["Duration", duration(run.duration_s), `a point every ${duration(run.span_s)}`],
         ["Images", `${width} × ${height}`, `${run.steps} steps`],
         ["Fringeflow", run.version, run.is_recorded ? "version that made the recording" : ""],
@@ -37,7 +37,7 @@ function showRemarks() {
             "This run was a replay. Times count from the completion of a window. There is no latency from exposure to cloud.",
         run.windows_incomplete > 0 &&
             `The segments leave out ${plural(run.windows_incomplete, "window")} without the report of an earlier stage. The recording began during the run, or a report was lost.`,
-        run.time_line.length === 0 && "No stage sent a report.",
+        run.time_line.length === 0 && "No image arrived.",
     ].filter(Boolean);
     byId("remark").textContent = remarks.join(" ");
     byId("remark").hidden = remarks.length === 0;
@@ -48,13 +48,8 @@ function driftTile(window) {
     return [level, "rad", note, isBeyond ? "error" : undefined];
 }
 
-function describeHealth({ worst, windows, quantities }) {
-    if (windows === 0) {
-        return [MISSING, "", "not reported"];
-    }
-    const beyond = quantities.filter(({ state }) => state === "warn" || state === "bad").length;
-    const note = beyond > 0 ? `worst state; ${plural(beyond, "quantity", "quantities")} beyond limits` : "all quantities within limits";
-    return [worst, "", note, HEALTH_LEVELS[worst]];
+function healthTile({ worst, windows, quantities }) {
+    return windows > 0 ? [worst, "", describeHealth(quantities), HEALTH_LEVELS[worst]] : [MISSING, "", "not reported"];
 }
 
 function showTiles(lost) {
@@ -62,17 +57,17 @@ function showTiles(lost) {
     const window = run.last_window;
     const efc = mean(run.time_line.map((sample) => sample.window?.efc));
     const decisions = sum(run.drops.filter(({ kind }) => kind === "decision").map(({ count }) => count));
-    const clouds = run.stages.find(({ stage }) => stage === "cloud")?.passed;
+    const clouds = run.stages.find(({ stage }) => stage === "cloud");
     const unknown = run.replayed ? "unknown in a replay" : "no cloud";
     const tiles = [
-        ["Clouds", fixed(clouds), "", withUnit(fixed(run.cloud_rate_hz, 2), "per second")],
+        ["Clouds", fixed(clouds?.passed), "", withUnit(fixed(clouds?.mean_rate_hz, 1), "per second")],
         ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)}` : unknown],
         ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `max ${milliseconds(total.max_ms)}` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
         ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
         ["False candidates (efc)", short(efc), "", "for each true one, on average"],
         ["Calibration drift", ...driftTile(window)],
-        ["Health", ...describeHealth(run.health)],
+        ["Worst health", ...healthTile(run.health)],
     ];
     const tile = ([name, value, unit, note, level]) =>
         element(

@@ -99,7 +99,8 @@ function showRates(run, times) {
     const series = RATES.map((entry) => ({ ...entry, colour: stageColour(entry.stage) }));
     const columns = RATES.map(({ stage }) => run.time_line.map(({ rates }) => rates[stage] ?? null));
     const text = (value) => withUnit(fixed(value, 1), "/s");
-    showPlot("rates", { times, series, columns, unit: " /s", text, rest: (index) => mean(columns[index]) });
+    const meanRate = (index) => run.stages.find(({ stage }) => stage === RATES[index].stage)?.mean_rate_hz;
+    showPlot("rates", { times, series, columns, unit: " /s", text, rest: meanRate });
 }
 
 function showLost(run, times) {

@@ -22,7 +22,8 @@ function showTable(holder, caption, columns, rows, emphasized = () => false) {
     const head = columns.map((column) => element("th", { scope: "col", class: style(column) }, column.title));
     const cells = (row) =>
         columns.map((column, index) => {
-            const attributes = { class: style(column), ...(index === 0 && { scope: "row" }) };
+            const own = index === 0 ? { scope: "row" } : { "data-title": column.title };
+            const attributes = { class: style(column), ...own };
             return element(index === 0 ? "th" : "td", attributes, column.cell ? column.cell(row) : column.text(row));
         });
     const body = rows.map((row) => element("tr", { class: emphasized(row) ? "whole" : undefined }, ...cells(row)));

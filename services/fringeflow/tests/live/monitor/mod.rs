@@ -4,7 +4,7 @@ mod access;
 mod clients;
 mod dashboard;
 mod page;
-mod prometheus;
+pub(crate) mod prometheus;
 mod viewers;
 
 use std::io::{Read as _, Write as _};

@@ -15,7 +15,7 @@ fn root() -> PathBuf {
 }
 
 /// Runs a script, which must succeed. Returns its standard output.
-pub(super) fn run_script(command: &mut Command) -> String {
+pub(crate) fn run_script(command: &mut Command) -> String {
     let Output { status, stdout, stderr } = command.output().unwrap();
     let [printed, errors] = [stdout, stderr].map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned());
     // Long messages lose their end in some logs: what is wrong comes first.
@@ -24,12 +24,12 @@ pub(super) fn run_script(command: &mut Command) -> String {
 }
 
 /// Returns the Python interpreter of the tests.
-pub(super) fn python() -> Command {
+pub(crate) fn python() -> Command {
     Command::new(run_script(&mut Command::new(root().join("scripts/python.sh"))))
 }
 
 /// Returns the path of a file in `tests/monitoring`.
-pub(super) fn monitoring_file(name: &str) -> PathBuf {
+pub(crate) fn monitoring_file(name: &str) -> PathBuf {
     root().join("tests/monitoring").join(name)
 }
 
