@@ -99,7 +99,8 @@ fn share(part: u64, whole: u64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow::correspondence::{Drift, Matches};
+    use fringeflow::worker::Correspondences;
+    use fringeflow_message::MapsHeader;
     use fringeflow_telemetry::health::{HealthLimits, HealthState};
 
     fn drift(rms_rad: f64, residual_sd_rad: f64, share: f64) -> Drift {
@@ -203,12 +204,12 @@ mod tests {
         let measures = health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true);
         let absent = Quantity::ALL.into_iter().filter(|&quantity| measures[quantity as usize].is_none());
         let expected = [
-            Quantity::Drift,
-            Quantity::DeltaNoise,
-            Quantity::ResidualCam2,
-            Quantity::HarmonicsCam2,
             Quantity::SaturatedCam2,
             Quantity::DimCam2,
+            Quantity::ResidualCam2,
+            Quantity::HarmonicsCam2,
+            Quantity::Drift,
+            Quantity::DeltaNoise,
             Quantity::Motion,
             Quantity::Brightness,
             Quantity::OneSurface,
