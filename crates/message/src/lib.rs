@@ -78,7 +78,7 @@ pub use health_report::{GAUGES, GaugeReport, HealthReport};
 pub use incident::Incident;
 pub use maps::{Block, CloudHeader, CorrespondenceHeader, DELTA_PARTS, DRIFT_NUMBERS, DriftNumbers, Fit, MapsHeader};
 pub use pattern::{PATTERN_FRINGES, PatternEvent};
-pub use report::{Counts, DropReason, Skew, Stage, StageReport};
+pub use report::{Counts, DropMeaning, DropReason, Skew, Stage, StageReport};
 pub use tracking::{LostReason, MODEL_POINT_BYTES, ModelHeader, PoseReport, PriorHeader, TrackingState};
 pub use window::Window;
 pub use window_report::{DriftReport, OUTCOMES, WindowReport};

@@ -237,25 +237,59 @@ impl Skew {
     }
 }
 
+/// What it means that an item was dropped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DropMeaning {
+    /// Something is missing that should be there.
+    Loss,
+    /// The configuration or the user wants it so; the setting that chooses it.
+    Choice(&'static str),
+    /// Nothing could be measured, or nothing is missing; what is missing behind it is counted where it was lost.
+    Unmeasurable,
+}
+
 impl DropReason {
-    /// Whether the reason is a loss: something that should not happen. The other reasons are decisions, or the item
-    /// contained nothing to measure. A new reason is a loss unless it is listed here.
+    /// What the reason means.
+    #[must_use]
+    pub fn drop_meaning(self) -> DropMeaning {
+        match self {
+            Self::BetweenWindows => DropMeaning::Choice("window.every"),
+            Self::NextStageBusy | Self::Thinned => DropMeaning::Choice("window.when_busy"),
+            Self::NotRecording => DropMeaning::Choice("recorder.from_start"),
+            Self::Injected => DropMeaning::Choice("virtual_scanner.faults"),
+            Self::Stopped => DropMeaning::Choice("the end of the run"),
+            Self::Duplicate
+            | Self::Incomplete
+            | Self::NoCorrespondence
+            | Self::EmptyCloud
+            | Self::NotTracked
+            | Self::Beginning => DropMeaning::Unmeasurable,
+            Self::Overrun
+            | Self::CameraLost
+            | Self::Late
+            | Self::Unpaired
+            | Self::NoPattern
+            | Self::PatternConflict
+            | Self::NewSession
+            | Self::BadImage
+            | Self::BadTime
+            | Self::QueueFull
+            | Self::DiskFull
+            | Self::Restart
+            | Self::NoSample
+            | Self::Malformed
+            | Self::HiddenLoss
+            | Self::HiddenDuplicate
+            | Self::HiddenSwap
+            | Self::WrongImage
+            | Self::UnexplainedImages
+            | Self::Skewed => DropMeaning::Loss,
+        }
+    }
+
+    /// Whether the reason is a loss: something that should not happen.
     #[must_use]
     pub fn is_loss(self) -> bool {
-        !matches!(
-            self,
-            Self::Duplicate
-                | Self::Incomplete
-                | Self::BetweenWindows
-                | Self::NextStageBusy
-                | Self::NoCorrespondence
-                | Self::EmptyCloud
-                | Self::NotRecording
-                | Self::Stopped
-                | Self::Injected
-                | Self::Thinned
-                | Self::NotTracked
-                | Self::Beginning
-        )
+        self.drop_meaning() == DropMeaning::Loss
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use fringeflow_message::{Counts, Stage};
+use fringeflow_message::{Counts, DropMeaning, DropReason, Stage};
 
 /// Items that a stage dropped for one reason, or incidents of one kind in a stage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -15,6 +15,8 @@ pub struct DropLine {
     pub reason: &'static str,
     /// Explanation of the name.
     pub meaning: &'static str,
+    /// Setting that chooses it; `None` unless it is a choice.
+    pub setting: Option<&'static str>,
     /// Number of items or incidents.
     pub count: u64,
 }
@@ -25,15 +27,47 @@ pub struct DropLine {
 pub enum DropKind {
     /// Data is missing that should be there.
     Loss,
-    /// The item was skipped on purpose, or there was nothing to measure.
-    Decision,
+    /// The configuration or the user wants it so.
+    Choice,
+    /// There was nothing to measure, or nothing is missing.
+    Unmeasurable,
     /// An incident that did not necessarily cost an item.
     Incident,
 }
 
+impl DropKind {
+    /// The kind of a reason.
+    #[must_use]
+    pub fn of(reason: DropReason) -> Self {
+        match reason.drop_meaning() {
+            DropMeaning::Loss => Self::Loss,
+            DropMeaning::Choice(_) => Self::Choice,
+            DropMeaning::Unmeasurable => Self::Unmeasurable,
+        }
+    }
+
+    /// Its name in metrics and pages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Loss => "loss",
+            Self::Choice => "choice",
+            Self::Unmeasurable => "unmeasurable",
+            Self::Incident => "incident",
+        }
+    }
+}
+
+fn setting(reason: DropReason) -> Option<&'static str> {
+    match reason.drop_meaning() {
+        DropMeaning::Choice(setting) => Some(setting),
+        DropMeaning::Loss | DropMeaning::Unmeasurable => None,
+    }
+}
+
 impl DropLine {
-    /// Returns the lines of some stages: losses first, then decisions, then incidents; in each group the most frequent
-    /// first.
+    /// Returns the lines of some stages: losses first, then choices, what could not be measured, and incidents; in each
+    /// group the most frequent first.
     #[must_use]
     pub fn from_counts(counts: &[(Stage, Counts)]) -> Vec<Self> {
         let mut lines: Vec<Self> =
@@ -44,10 +78,11 @@ impl DropLine {
 
     fn lines_of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
         let dropped = counts.reasons().map(move |(reason, count)| Self {
-            kind: if reason.is_loss() { DropKind::Loss } else { DropKind::Decision },
+            kind: DropKind::of(reason),
             stage,
             reason: reason.name(),
             meaning: reason.meaning(),
+            setting: setting(reason),
             count,
         });
         let incidents = counts.incidents().map(move |(incident, count)| Self {
@@ -55,6 +90,7 @@ impl DropLine {
             stage,
             reason: incident.name(),
             meaning: incident.meaning(),
+            setting: None,
             count,
         });
         dropped.chain(incidents)
@@ -64,7 +100,7 @@ impl DropLine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fringeflow_message::{DropReason, Incident};
+    use fringeflow_message::Incident;
 
     #[test]
     fn losses_come_first_then_what_is_frequent() {
@@ -81,7 +117,7 @@ mod tests {
             [
                 (DropKind::Loss, "camera1", "camera_lost", 2),
                 (DropKind::Loss, "cloud", "overrun", 1),
-                (DropKind::Decision, "cloud", "empty_cloud", 9),
+                (DropKind::Unmeasurable, "cloud", "empty_cloud", 9),
                 (DropKind::Incident, "camera1", "time_out", 30),
             ]
         );

@@ -42,6 +42,7 @@ mod stage_figures;
 mod tally;
 mod trace;
 mod tracking_figures;
+mod verdict;
 mod window_figures;
 mod worst_windows;
 
@@ -60,5 +61,6 @@ pub use stage_figures::{SkewFigures, StageFigures};
 pub use tally::{StageTally, Tally};
 pub use trace::TraceWriter;
 pub use tracking_figures::{TrackingFigures, TrackingWatch};
+pub use verdict::{LeftOut, Verdict};
 pub use window_figures::{CameraFigures, DeltaCounts, DriftFigures, MotionFigures, Shares, WindowFigures};
 pub use worst_windows::WorstWindows;

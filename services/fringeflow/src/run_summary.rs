@@ -7,7 +7,7 @@ use std::path::Path;
 use fringeflow_message::{Counts, Stage};
 use fringeflow_replayer::Compared;
 use fringeflow_supervisor::Outcome;
-use fringeflow_telemetry::{Capacity, DriftFigures, HealthRecord, Latency, Losses, SkewFigures, StageFigures};
+use fringeflow_telemetry::{Capacity, DriftFigures, HealthRecord, Latency, SkewFigures, StageFigures, Verdict};
 
 use crate::failure::Failure;
 use crate::json;
@@ -24,8 +24,8 @@ pub(crate) struct Summary<'a> {
     /// Health over all windows.
     #[serde(skip_serializing_if = "HealthRecord::is_empty")]
     health: &'a HealthRecord,
-    /// Losses, each counted once.
-    lost: Losses,
+    /// What was lost and left out.
+    lost: Verdict,
     /// Rate that the machine held in the last seconds, what bounded it, and settings that help.
     #[serde(skip_serializing_if = "Option::is_none")]
     capacity: Option<Capacity>,
@@ -59,8 +59,9 @@ pub(crate) fn check_balance(outcome: &Outcome) -> Result<(), Failure> {
 /// Fails if the counts of a run do not add up, if data were lost, or if a service ended with an error.
 pub(crate) fn check(outcome: &Outcome) -> Result<(), Failure> {
     check_balance(outcome)?;
-    if outcome.balance.0.iter().any(|(_, counts)| counts.losses().next().is_some()) {
-        return Err(Failure::Losses(Losses::from_counts(&outcome.balance.0).to_string()));
+    let verdict = Verdict::from_counts(&outcome.balance.0);
+    if verdict.is_loss {
+        return Err(Failure::Losses(verdict.losses.to_string()));
     }
     if outcome.failed_services.is_empty() { Ok(()) } else { Err(Failure::Losses(describe_failed_services(outcome))) }
 }
@@ -88,7 +89,7 @@ impl<'a> Summary<'a> {
             exposure_to_cloud: None,
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
             health: outcome.run.health(),
-            lost: Losses::from_counts(&outcome.balance.0),
+            lost: Verdict::from_counts(&outcome.balance.0),
             capacity: None,
             restarts: outcome.restarts,
             recording: outcome.recording.as_deref(),
@@ -143,6 +144,7 @@ impl fmt::Display for Summary<'_> {
         if self.imbalances.is_empty() {
             writeln!(f, "balance: in = out + dropped at every stage")?;
         }
+        writeln!(f, "{}", self.lost)?;
         if let Some(Compared { same, different, new, missing }) = self.compared {
             writeln!(
                 f,

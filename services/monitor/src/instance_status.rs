@@ -11,8 +11,8 @@ use fringeflow_dataset::Setup;
 use fringeflow_message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow_runtime::{Preparation, RecorderStatus, live_services, sources};
 use fringeflow_telemetry::{
-    Capacity, DropLine, Interval, Losses, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures,
-    TrackingWatch, WindowFigures,
+    Capacity, DropLine, Interval, Sample, Segment, SkewFigures, StageFigures, Tally, TrackingFigures, TrackingWatch,
+    Verdict, WindowFigures,
 };
 
 use crate::events::EventLog;
@@ -208,7 +208,7 @@ impl InstanceStatus {
             "stages": self.tally.stages().map(|(stage, _)| self.stage_entry(stage)).collect::<Vec<_>>(),
             "exposure_to_cloud": self.tally.total().brief(),
             "drops": DropLine::from_counts(&counts),
-            "losses": Losses::from_counts(&counts).to_string(),
+            "losses": Verdict::from_counts(&counts).to_string(),
             "capacity": Capacity::from_tally(&self.tally).map(|capacity| capacity.to_string()),
             "skew": SkewFigures::from_skew(&self.skew),
             "window": self.window,

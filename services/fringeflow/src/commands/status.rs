@@ -9,7 +9,7 @@ use fringeflow_runtime::processors::ResourceGrants;
 use fringeflow_runtime::{Preparation, RecorderStatus, accounts_folder, clock};
 use fringeflow_supervisor::{Observed, headline, observe, read_startup_status, stage_line};
 use fringeflow_telemetry::{
-    Capacity, GaugeFigures, HealthFigures, Latency, Losses, StageFigures, StageTally, Tally, TrackingFigures,
+    Capacity, GaugeFigures, HealthFigures, Latency, StageFigures, StageTally, Tally, TrackingFigures, Verdict,
 };
 use fringeflow_transport::{Instance, request};
 
@@ -45,8 +45,8 @@ struct Report {
     recorder: Option<RecorderStatus>,
     /// URL of the dashboard.
     dashboard: Option<String>,
-    /// Losses since the start, each counted once.
-    lost: Losses,
+    /// What was lost and left out since the start.
+    lost: Verdict,
     /// Rate that the machine holds, what bounds it, and settings that help; `null` unless clouds were made.
     capacity: Option<Capacity>,
     stages: Vec<StageReport>,
@@ -112,7 +112,7 @@ impl Args {
         if let Some(recorder) = &recorder {
             writeln!(out, "{recorder}")?;
         }
-        writeln!(out, "{}", losses(&observed.tally))?;
+        writeln!(out, "{}", verdict(&observed.tally))?;
         if let Some(capacity) = Capacity::from_tally(&observed.tally) {
             writeln!(out, "{capacity}")?;
         }
@@ -146,7 +146,7 @@ impl Report {
             dashboard: dashboard_url(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),
             recorder: RecorderStatus::read(instance),
-            lost: losses(&tally),
+            lost: verdict(&tally),
             capacity: Capacity::from_tally(&tally),
             stages: tally.stages().map(stage).collect(),
             processors: processors(instance),
@@ -157,8 +157,8 @@ impl Report {
     }
 }
 
-fn losses(tally: &Tally) -> Losses {
-    Losses::from_counts(&tally.stages().map(|(stage, stage_tally)| (stage, stage_tally.counts)).collect::<Vec<_>>())
+fn verdict(tally: &Tally) -> Verdict {
+    Verdict::from_counts(&tally.stages().map(|(stage, stage_tally)| (stage, stage_tally.counts)).collect::<Vec<_>>())
 }
 
 impl Health {

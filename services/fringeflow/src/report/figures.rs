@@ -7,7 +7,7 @@ use serde::Serialize;
 use fringeflow_message::{Counts, Stage};
 use fringeflow_recording::Origin;
 use fringeflow_telemetry::{
-    DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, StageTally,
+    DropLine, Exposures, HealthRecord, Journey, Latency, RunReport, Sample, Segment, StageFigures, StageTally, Verdict,
     WindowFigures,
 };
 
@@ -50,6 +50,9 @@ pub(crate) struct RunFigures<'a> {
     pub(crate) segments: Vec<SegmentLine>,
     pub(crate) worst: Vec<WindowLine>,
     drops: Vec<DropLine>,
+    /// What was lost and left out, and the same as a sentence.
+    verdict: Verdict,
+    verdict_text: String,
     last_window: Option<&'a WindowFigures>,
     health: &'a HealthRecord,
     /// Names of all segments, in the order of the lists of durations.
@@ -100,6 +103,7 @@ impl<'a> RunFigures<'a> {
         let [first_ns, last_ns] = bounds_ns.unwrap_or_default();
         let wall_ms = |time_ns| info.origin.unix_ms(time_ns);
         let time_line = run.samples(wall_ms);
+        let verdict = Verdict::from_counts(counts);
         Self {
             replayed: run.exposures() == Exposures::Replayed,
             started_wall_ms: bounds_ns.map(|_| wall_ms(first_ns)),
@@ -115,6 +119,8 @@ impl<'a> RunFigures<'a> {
                 .map(|journey| WindowLine::from_journey(journey, run, wall_ms, first_ns))
                 .collect(),
             drops: DropLine::from_counts(counts),
+            verdict_text: verdict.to_string(),
+            verdict,
             last_window: run.window(),
             health: run.health(),
             segment_names: Segment::ALL.map(Segment::name),

@@ -1,4 +1,5 @@
-// What was dropped, where and why: losses, then items skipped on purpose, then incidents, which may have cost nothing.
+// What was dropped, where and why: losses, then what was left out by choice or could not be measured, then incidents,
+// which may have cost nothing.
 
 import { byId, setState, setText } from "./elements.js";
 import { fixed } from "./format.js";
@@ -18,22 +19,15 @@ function showSummary(drops, losses) {
     const lost = drops.some(({ kind }) => kind === "loss");
     const summary = byId("drops-summary");
     setState(summary, "level", lost ? "error" : "ok");
-    setText(summary, describe(lost ? losses : null, drops.length));
+    setText(summary, losses ? `Since the start: ${losses}.` : "");
 }
 
-function describe(losses, rows) {
-    if (losses) {
-        return `Since the start: ${losses}.`;
-    }
-    return rows > 0 ? "Nothing lost. Decisions and incidents:" : "Nothing lost or skipped so far.";
-}
-
-function cellsOf({ kind, stage, reason, meaning, count }) {
+function cellsOf({ kind, stage, reason, meaning, setting, count }) {
     const { title, level } = DROP_KINDS[kind];
     return [
         { badge: "badge", text: title, level },
         { text: titled(stage) },
-        { text: meaning, title: reason },
+        { text: setting ? `${meaning} (${setting})` : meaning, title: reason },
         { number: true, text: fixed(count), level },
     ];
 }

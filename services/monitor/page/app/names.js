@@ -10,6 +10,7 @@ export const titled = (name) =>
 /** Title and colour level of each kind of drop or incident. */
 export const DROP_KINDS = {
     loss: { title: "Loss", level: "error" },
-    decision: { title: "Decision", level: "idle" },
+    choice: { title: "By choice", level: "idle" },
+    unmeasurable: { title: "Not measurable", level: "idle" },
     incident: { title: "Incident", level: "warning" },
 };

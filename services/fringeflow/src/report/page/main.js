@@ -4,13 +4,11 @@ const run = JSON.parse(byId("data").textContent);
 const times = run.time_line.map(({ wall_ms }) => wall_ms / 1000);
 
 function showHead() {
-    const lost = sum(run.drops.filter(({ kind }) => kind === "loss").map(({ count }) => count));
     byId("instance").textContent = run.instance ?? "";
     document.title = `${run.instance ?? "Fringeflow"}: report on a run`;
-    byId("losses").textContent = lost > 0 ? `${plural(lost, "item")} lost` : "Nothing lost";
-    byId("losses").dataset.level = lost > 0 ? "error" : "ok";
+    byId("losses").textContent = run.verdict_text;
+    byId("losses").dataset.level = run.verdict.is_loss ? "error" : "ok";
     byId("replayed").hidden = !run.replayed;
-    return lost;
 }
 
 function showAbout() {
@@ -52,11 +50,12 @@ function healthTile({ worst, windows, quantities }) {
     return windows > 0 ? [worst, "", describeHealth(quantities), HEALTH_LEVELS[worst]] : [MISSING, "", "not reported"];
 }
 
-function showTiles(lost) {
+function showTiles() {
     const total = run.exposure_to_cloud;
     const window = run.last_window;
     const efc = mean(run.time_line.map((sample) => sample.window?.efc));
-    const decisions = sum(run.drops.filter(({ kind }) => kind === "decision").map(({ count }) => count));
+    const lossLevel = run.verdict.is_loss ? "error" : "ok";
+    const leftOut = sum(run.verdict.choices.map(({ count }) => count));
     const clouds = run.stages.find(({ stage }) => stage === "cloud");
     const unknown = run.replayed ? "unknown in a replay" : "no cloud";
     const tiles = [
@@ -64,7 +63,7 @@ function showTiles(lost) {
         ["p50 exposure to cloud", short(total?.p50_ms), "ms", total ? `p90 ${milliseconds(total.p90_ms)}` : unknown],
         ["p99 exposure to cloud", short(total?.p99_ms), "ms", total ? `max ${milliseconds(total.max_ms)}` : unknown],
         ["Points", fixed(window?.points), "", "in the last cloud"],
-        ["Items lost", fixed(lost), "", `${fixed(decisions)} left out by decision`, lost > 0 ? "error" : "ok"],
+        ["Clouds lost", fixed(run.verdict.clouds), "", `${fixed(leftOut)} items left out by choice`, lossLevel],
         ["False candidates (efc)", short(efc), "", "for each true one, on average"],
         ["Calibration drift", ...driftTile(window)],
         ["Worst health", ...healthTile(run.health)],
@@ -117,7 +116,8 @@ function startTheme() {
 
 showAbout();
 showRemarks();
-showTiles(showHead());
+showHead();
+showTiles();
 showLatency(run, times);
 showSegments(run, times);
 showLatencyTables(run);
