@@ -51,7 +51,9 @@ pub enum RecordingProblem {
     },
     /// The file is an MCAP file of another program.
     #[error(
-        "is a recording of another program{}: its channels are {}; Fringeflow reads recordings of `fringeflow run          --record`, `simulate` and `import`, which have images and headers of two cameras, the calibration and the          description of the pattern; for images in files see `fringeflow import`", written_by(library), listed(channels)
+        "is a recording of another program{}: its channels are {}; Fringeflow reads recordings of `fringeflow run          --record`, `simulate` and `import`, which have images and headers of two cameras, the calibration and the          description of the pattern; for images in files see `fringeflow import`",
+        written_by(library),
+        listed(channels)
     )]
     OtherProgram {
         /// Library that wrote the file.

@@ -38,7 +38,9 @@ impl fmt::Display for Losses {
         };
         let recorder = match self.lost {
             Some(lost) => counted(lost, "message of the recorder", "messages of the recorder"),
-            None => Some("messages of the recorder (unknown how many, because it was not shut down properly)".to_owned()),
+            None => {
+                Some("messages of the recorder (unknown how many, because it was not shut down properly)".to_owned())
+            }
         };
         let [cam1, cam2] = self.missing_images;
         let parts = [
@@ -67,9 +69,8 @@ impl Recording {
     /// The file can no longer be read. A pattern event with invalid content is left out.
     pub fn losses(&self) -> Result<Losses, RecordingError> {
         let Numbering { missing_images, missing_patterns, .. } = self.numbering()?;
-        let has_all = |header: &&fringeflow_message::CloudHeader| {
-            self.has_window(header) || self.begins_after(&header.window)
-        };
+        let has_all =
+            |header: &&fringeflow_message::CloudHeader| self.has_window(header) || self.begins_after(&header.window);
         let clouds_without_images = self.cloud_headers().filter(|header| !has_all(header)).count() as u64;
         Ok(Losses { lost: self.lost_messages(), missing_images, missing_patterns, clouds_without_images })
     }
@@ -103,9 +104,10 @@ impl Recording {
 
 /// Returns the number of gaps and the number of repetitions in the numbers of all sessions.
 fn gaps_of(sessions: BTreeMap<u64, Vec<u64>>) -> (u64, u64) {
-    sessions.into_values().map(gaps).fold((0, 0), |(missing, repeated): (u64, u64), (more, again)| {
-        (missing.saturating_add(more), repeated + again)
-    })
+    sessions
+        .into_values()
+        .map(gaps)
+        .fold((0, 0), |(missing, repeated): (u64, u64), (more, again)| (missing.saturating_add(more), repeated + again))
 }
 
 /// Returns the number of gaps in the numbers, and the number of repetitions.
@@ -137,10 +139,7 @@ mod tests {
         let losses = Losses { lost: Some(3), missing_images: [0, 1], missing_patterns: 2, clouds_without_images: 4 };
         assert!(!losses.is_empty());
         let text = losses.to_string();
-        assert_eq!(
-            text,
-            "3 messages of the recorder, 1 image of camera 2, 2 pattern events, images of 4 clouds"
-        );
+        assert_eq!(text, "3 messages of the recorder, 1 image of camera 2, 2 pattern events, images of 4 clouds");
         assert!(Losses::default().to_string().contains("unknown how many"));
     }
 }

@@ -84,7 +84,10 @@ mod tests {
         assert_eq!(pairing.add_header(key(5), 'a'), None);
         assert_eq!(pairing.add_message(key(6), 60), None);
         assert_eq!(pairing.add_header(key(5), 'b'), None);
-        assert_eq!((pairing.count(), pairing.first_message(), pairing.first_header()), (3, Some(key(6)), Some((key(5), &'a'))));
+        assert_eq!(
+            (pairing.count(), pairing.first_message(), pairing.first_header()),
+            (3, Some(key(6)), Some((key(5), &'a')))
+        );
         assert_eq!(pairing.add_message(key(5), 50), Some((50, 'a')));
         assert_eq!(pairing.add_message(key(5), 51), Some((51, 'b')));
         assert_eq!(pairing.add_header(key(6), 'c'), Some((60, 'c')));

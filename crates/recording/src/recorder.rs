@@ -79,7 +79,8 @@ impl Recorder {
     pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
         let buffers = BufferPool::new(queue_bytes);
-        let shared = Arc::new(Shared { target: target.to_owned(), clock: writer.clock, buffers, account: Mutex::default() });
+        let shared =
+            Arc::new(Shared { target: target.to_owned(), clock: writer.clock, buffers, account: Mutex::default() });
         let (thread_shared, (items, queue)) = (Arc::clone(&shared), unbounded());
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&thread_shared, queue, writer).run());

@@ -186,9 +186,7 @@ impl Recovery {
             return Ok(());
         }
         match scanned.faults.first() {
-            Some(fault) if scanned.channels.is_empty() => {
-                Err(RecordingProblem::NothingReadable(fault_text(fault)))
-            }
+            Some(fault) if scanned.channels.is_empty() => Err(RecordingProblem::NothingReadable(fault_text(fault))),
             _ => Err(other_program(scanned)),
         }
     }

@@ -14,8 +14,8 @@ use crate::file::UnfinishedFile;
 use crate::mcap_writer::{Attachment, McapWriter, Schema};
 use crate::recordable::{Encoded, Times};
 use crate::{
-    CONFIGURATION_FILE, LIBRARY, METADATA, Origin, PROFILE, RECORDER_METADATA, RecordingError, RecordingProblem, Topic, UNFINISHED,
-    WallClock, static_messages,
+    CONFIGURATION_FILE, LIBRARY, METADATA, Origin, PROFILE, RECORDER_METADATA, RecordingError, RecordingProblem, Topic,
+    UNFINISHED, WallClock, static_messages,
 };
 
 /// Options of a new recording, and the content of its start.

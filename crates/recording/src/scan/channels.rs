@@ -49,7 +49,8 @@ impl Channels {
     /// Describes each channel in a few words, in the order of their ids.
     pub(super) fn descriptions(&self) -> Vec<String> {
         let describe = |Channel { name, schema, encoding, .. }: &Channel| {
-            let form: Vec<&str> = [schema, encoding].into_iter().map(String::as_str).filter(|s| !s.is_empty()).collect();
+            let form: Vec<&str> =
+                [schema, encoding].into_iter().map(String::as_str).filter(|s| !s.is_empty()).collect();
             if form.is_empty() { name.clone() } else { format!("{name} ({})", form.join(", ")) }
         };
         self.channels.values().map(describe).collect()

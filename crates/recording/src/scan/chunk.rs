@@ -59,7 +59,11 @@ impl<'a> ChunkParts<'a> {
             Some(Self { unpacked_bytes, crc, compression, packed: fields.bytes(length)? })
         })();
         let parts = parts.ok_or_else(|| damaged(start, "a chunk states more bytes than it has"))?;
-        if fields.0.is_empty() { Ok(parts) } else { Err(damaged(start, "the lengths in a chunk contradict each other")) }
+        if fields.0.is_empty() {
+            Ok(parts)
+        } else {
+            Err(damaged(start, "the lengths in a chunk contradict each other"))
+        }
     }
 }
 

@@ -24,7 +24,10 @@ fn non_finite_numbers_and_gaps_are_found() {
     recorder.push(&Recordable::Pattern(&pattern()));
     recorder.push(&Recordable::Pattern(&PatternEvent { sequence: 35, step: 4, ..pattern() }));
     let check = finished(recorder).check(|| ()).unwrap();
-    assert_eq!((check.losses.missing_images, check.repeated_images, check.losses.missing_patterns), ([2, 0], [1, 0], 3));
+    assert_eq!(
+        (check.losses.missing_images, check.repeated_images, check.losses.missing_patterns),
+        ([2, 0], [1, 0], 3)
+    );
     assert_eq!(check.fault_count, 1);
     assert!(check.faults[0].contains("step is 4"), "{:?}", check.faults);
 }

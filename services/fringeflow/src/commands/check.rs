@@ -48,7 +48,12 @@ impl Args {
 
     fn print(&self, check: &Check) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
-        writeln!(out, "{}: {} messages, all checksums and counts that it states are correct", self.input.display(), check.messages)?;
+        writeln!(
+            out,
+            "{}: {} messages, all checksums and counts that it states are correct",
+            self.input.display(),
+            check.messages
+        )?;
         for fault in &check.faults {
             writeln!(out, "fault: {fault}")?;
         }
