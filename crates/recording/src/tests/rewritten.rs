@@ -209,13 +209,18 @@ fn a_damaged_compressed_chunk_affects_no_other() {
     for compression in ["lz4", "zstd"] {
         let whole = rewritten(&records, 5, compression);
         let mut harmed = 0;
-        for position in (whole.len() / 4..whole.len() * 3 / 4).step_by(97) {
+        // The channels are in the first chunks.
+        for position in (whole.len() / 2..whole.len() * 9 / 10).step_by(61) {
             let mut bytes = whole.clone();
             bytes[position] ^= 0x55;
-            assert!(opened(&folder, &bytes).is_err(), "{compression} {position}");
-            let Some((report, Ok(recording))) = recovered(&folder, &bytes) else { continue };
-            let images = count_images(&recording);
-            assert!(images >= 2 * PAIRS as usize - 6 && report.has_losses(), "{compression} {position}: {report:?}");
+            if let Ok(recording) = opened(&folder, &bytes) {
+                // Only the stated times of a chunk have no checksum.
+                assert!(is_whole(&recording), "{compression} {position}");
+                continue;
+            }
+            let (report, recording) = recovered(&folder, &bytes).unwrap();
+            let images = count_images(&recording.unwrap());
+            assert!(images >= 2 * PAIRS as usize - 4 && report.has_losses(), "{compression} {position}: {report:?}");
             harmed += 1;
         }
         assert!(harmed > 10);
