@@ -5,6 +5,10 @@ use prost::Message as _;
 use fringeflow::geometry::Pose;
 
 use super::*;
+use crate::convert::Convert;
+use crate::recordable::Times;
+use crate::schema::PatternEvent as PatternMessage;
+use crate::writer::RecordingWriter;
 
 /// A computer that was on for an hour on 14 November 2023.
 const STARTED_NS: u64 = 3_600_000_000_000;
@@ -82,7 +86,7 @@ fn fringeflow_reads_the_times_of_its_clock_and_a_recovery_keeps_them() {
 fn recordings_of_the_first_format_are_read_with_their_own_times() {
     let folder = Folder::new();
     let path = folder.path("old.mcap");
-    let mut writer = crate::writer::RecordingWriter::create_empty(&path, UNFINISHED, 0).unwrap();
+    let mut writer = RecordingWriter::create_empty(&path, UNFINISHED, 0).unwrap();
     let mut metadata = origin().metadata(setup());
     metadata.insert("format".to_owned(), "1".to_owned());
     writer.metadata(METADATA, &metadata).unwrap();
@@ -91,9 +95,8 @@ fn recordings_of_the_first_format_are_read_with_their_own_times() {
         writer.attach(name, "", text.as_bytes(), 0).unwrap();
     }
     writer.attach(CONFIGURATION_FILE, "", b"", 0).unwrap();
-    let times = crate::recordable::Times { log_ns: STARTED_NS + 20, publish_ns: STARTED_NS + 5 };
-    let event = crate::convert::Convert::from_struct(&pattern()).unwrap_or_default();
-    let event: schema::PatternEvent = event;
+    let times = Times { log_ns: STARTED_NS + 20, publish_ns: STARTED_NS + 5 };
+    let event: PatternMessage = Convert::from_struct(&pattern()).unwrap();
     writer.write_one(Topic::Pattern, times, &event.encode_to_vec()).unwrap();
     writer.finish(&std::collections::BTreeMap::new()).unwrap();
     let recording = Recording::open(&path).unwrap();
