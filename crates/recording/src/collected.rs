@@ -9,7 +9,7 @@ use crate::entry::Entry;
 use crate::pairing::Pairing;
 use crate::place::Place;
 use crate::scan::{Found, FoundMessage, Scanned};
-use crate::{CONFIGURATION_FILE, FORMAT_VERSION, METADATA, PROFILE, RECORDER_METADATA, RecordingProblem};
+use crate::{CONFIGURATION_FILE, FORMAT_VERSION, METADATA, RECORDER_METADATA, RecordingProblem};
 
 /// Metadata and attachments that every recording has.
 pub(super) const NEEDED: [&str; 4] = [METADATA, CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE];
@@ -82,7 +82,7 @@ impl Collected {
 
     /// Checks that the file is a recording of Fringeflow, and that every header has its message.
     pub(super) fn check(&self, scanned: &Scanned) -> Result<(), RecordingProblem> {
-        if self.metadata.is_none() && self.texts.is_empty() && scanned.profile != PROFILE {
+        if self.metadata.is_none() && self.texts.is_empty() && !scanned.is_of_fringeflow {
             return Err(other_program(scanned));
         }
         if let Some((header_topic, sequence)) = self.pairing.first_message() {

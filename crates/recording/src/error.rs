@@ -51,7 +51,9 @@ pub enum RecordingProblem {
     },
     /// The file is an MCAP file of another program.
     #[error(
-        "is a recording of another program{}: its channels are {}; Fringeflow reads recordings of `fringeflow run          --record`, `simulate` and `import`, which have images and headers of two cameras, the calibration and the          description of the pattern; for images in files see `fringeflow import`",
+        "is a recording of another program{}: its channels are {}; Fringeflow reads recordings of `fringeflow run \
+         --record`, `simulate` and `import`, which have images and headers of two cameras, the calibration and the \
+         description of the pattern; for images in files see `fringeflow import`",
         written_by(library),
         listed(channels)
     )]
@@ -105,7 +107,7 @@ pub enum RecordingProblem {
         writer: String,
     },
     /// A required part is missing.
-    #[error("has no {what}, so it is not a recording of fringeflow, or a part of it was removed")]
+    #[error("has no {what}, so it is not a recording of Fringeflow, or a part of it was removed")]
     Missing {
         /// The missing part.
         what: &'static str,

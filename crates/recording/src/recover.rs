@@ -19,7 +19,7 @@ use crate::recordable::Times;
 use crate::scan::{Found, FoundMessage, ScanMode, Scanned, scan};
 use crate::writer::RecordingWriter;
 use crate::{
-    Content, Losses, METADATA, PROFILE, RECORDER_METADATA, Recording, RecordingError, RecordingProblem, Topic,
+    Content, Losses, METADATA, RECORDER_METADATA, Recording, RecordingError, RecordingProblem, Topic,
     UNFINISHED_RECOVERY,
 };
 
@@ -49,6 +49,21 @@ impl Recovered {
     pub fn has_losses(&self) -> bool {
         let is_complete = self.losses.as_ref().is_some_and(Losses::is_empty);
         !is_complete || self.left_out > 0 || !self.foreign.is_empty() || self.has_data_fault
+    }
+
+    /// Says in words what the new recording lacks.
+    #[must_use]
+    pub fn lacks(&self) -> String {
+        let foreign: u64 = self.foreign.values().sum();
+        let losses = self.losses.as_ref().filter(|losses| !losses.is_empty());
+        let parts = [
+            (!self.missing.is_empty()).then(|| self.missing.join(", ")),
+            losses.map(Losses::to_string),
+            (self.left_out > 0).then(|| format!("{} messages that are invalid or incomplete", self.left_out)),
+            (foreign > 0).then(|| format!("{foreign} messages that Fringeflow does not read")),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        if parts.is_empty() { "what was at the faults".to_owned() } else { parts.join(", ") }
     }
 }
 
@@ -182,7 +197,7 @@ impl Recovery {
     /// Checks that anything of a recording was found.
     fn check(&self, scanned: &Scanned) -> Result<(), RecordingProblem> {
         let has_parts = NEEDED.iter().any(|name| self.found.iter().any(|found| found == name));
-        if has_parts || (scanned.profile == PROFILE && !self.recovered.messages.is_empty()) {
+        if has_parts || (scanned.is_of_fringeflow && !self.recovered.messages.is_empty()) {
             return Ok(());
         }
         match scanned.faults.first() {

@@ -46,6 +46,11 @@ impl Channels {
         self.channels.get(&id)
     }
 
+    /// Whether the file has a channel with a schema of Fringeflow.
+    pub(super) fn has_own(&self) -> bool {
+        self.channels.values().any(|channel| channel.schema.starts_with("fringeflow."))
+    }
+
     /// Describes each channel in a few words, in the order of their ids.
     pub(super) fn descriptions(&self) -> Vec<String> {
         let describe = |Channel { name, schema, encoding, .. }: &Channel| {

@@ -19,12 +19,13 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 
+use mcap::MAGIC;
 use mcap::records::op;
 
 use crate::fields::Fields;
 use crate::place::Place;
 use crate::recordable::Times;
-use crate::{LIBRARY, RecordingProblem, Topic};
+use crate::{LIBRARY, PROFILE, RecordingProblem, Topic};
 use channels::Channels;
 pub(super) use chunk::chunk_records;
 use fault::damaged;
@@ -70,12 +71,14 @@ pub(super) struct Scanned {
     pub(super) faults: Vec<RecordingProblem>,
     /// Whether a fault is in the data. Faults of the summary lose nothing.
     pub(super) has_data_fault: bool,
-    /// Profile that the file states; `fringeflow` in the recordings of Fringeflow.
-    pub(super) profile: String,
+    /// Profile that the file states.
+    profile: String,
     /// Library that wrote the file.
     pub(super) library: String,
     /// Channels of the file, described by topic, schema and encoding.
     pub(super) channels: Vec<String>,
+    /// Whether anything but attachments and metadata tells that Fringeflow made the recording: its profile or a schema.
+    pub(super) is_of_fringeflow: bool,
     /// Messages of channels that are not Fringeflow's, by topic.
     pub(super) foreign_messages: BTreeMap<String, u64>,
     /// Size of the file, bytes.
@@ -104,7 +107,9 @@ pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result
             Err(ScanError::Fault(problem)) if mode == ScanMode::Strict => return Err(problem),
             Err(ScanError::Fault(problem)) => {
                 scan.scanned.faults.push(problem);
-                scan.scanned.has_data_fault |= !scan.contents.has_ended;
+                // More than the last bytes after the footer are data of another recording.
+                let has_more = scan.contents.has_footer && reader.bytes - reader.offset > MAGIC.len() as u64;
+                scan.scanned.has_data_fault |= !scan.contents.has_ended || has_more;
                 // Nothing after the footer belongs to this recording. If the faulty record has a plausible length,
                 // continue with the record after it. Otherwise search for the next chunk.
                 let has_next =
@@ -117,6 +122,7 @@ pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result
     }
     let Scan { contents, mut scanned, .. } = scan;
     scanned.channels = contents.channels.descriptions();
+    scanned.is_of_fringeflow = contents.channels.has_own() || scanned.profile == PROFILE;
     Ok(scanned)
 }
 
@@ -247,7 +253,8 @@ impl Scan<'_, '_> {
             None => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id && self.is_written_by_fringeflow()),
         };
         let Some(topic) = topic else {
-            let name = known.map_or_else(|| format!("channel {id}"), |(_, name)| name.to_owned());
+            let name =
+                known.map_or_else(|| format!("channel {id} (its description was lost)"), |(_, name)| name.to_owned());
             *self.scanned.foreign_messages.entry(name).or_default() += 1;
             return Ok(());
         };

@@ -43,11 +43,7 @@ impl Args {
         if !recovered.has_losses() {
             return Ok(());
         }
-        let lost = recovered.losses.as_ref().map_or_else(String::new, |losses| losses.to_string());
-        Err(Failure::Losses(format!(
-            "{file}: the file is whole, but {} could not be recovered as it was; the recording lacks: {lost}",
-            self.input.display()
-        )))
+        Err(Failure::Losses(format!("{file}: the file is whole, but the recording lacks: {}", recovered.lacks())))
     }
 
     fn print(&self, recovered: &Recovered) -> Result<(), Failure> {
@@ -60,7 +56,7 @@ impl Args {
             writeln!(out, "fault: {fault}")?;
         }
         for (topic, count) in &recovered.foreign {
-            writeln!(out, "left out: {count} messages of {topic}, which is not of Fringeflow")?;
+            writeln!(out, "left out: {count} messages of {topic}, which Fringeflow does not read")?;
         }
         if recovered.left_out > 0 {
             writeln!(out, "left out: {} messages that are invalid or incomplete", recovered.left_out)?;
