@@ -309,7 +309,7 @@ fn empty_chunks_are_skipped_and_an_unknown_compression_is_named() {
 fn only_the_first_of_two_joined_recordings_is_recovered() {
     let folder = Folder::new();
     let (bytes, _) = base(&folder);
-    let joined = [bytes.clone(), bytes.clone()].concat();
+    let joined = [bytes.clone(), bytes].concat();
     let message = opened(&folder, &joined).unwrap_err().to_string();
     assert!(message.contains("another MCAP file follow it"), "{message}");
     let (report, recording) = recovered(&folder, &joined).unwrap();
