@@ -21,9 +21,9 @@ use crate::{Topic, schema, truth_poses};
 pub struct Message {
     /// Topic of the message.
     pub topic: Topic,
-    /// Time of receipt or publication.
+    /// Time of receipt or publication, nanoseconds of `CLOCK_MONOTONIC`, as are the time stamps in `content`.
     pub log_ns: u64,
-    /// Start of the exposure.
+    /// Start of the exposure, on the same clock.
     pub publish_ns: u64,
     /// Decoded content.
     pub content: Content,

@@ -56,3 +56,39 @@ impl RecorderCounts {
         entries
     }
 }
+
+/// Returns the metadata of a recovered recording. `account` are those of the damaged file; they are empty if the
+/// recorder was killed, and then the number of lost messages stays unknown. Messages that the recorder wrote, but that
+/// are not among the `recovered` ones, are lost as `damaged`.
+pub(super) fn recovered_account(
+    mut account: BTreeMap<String, String>,
+    recovered: &BTreeMap<&'static str, u64>,
+    faults: usize,
+) -> BTreeMap<String, String> {
+    let number = |account: &BTreeMap<String, String>, key: &str| account.get(key).and_then(|text| text.parse().ok());
+    let is_counted = account.contains_key("taken");
+    let (mut all_written, mut all_damaged) = (0, number(&account, "lost.damaged").unwrap_or(0_u64));
+    for name in Topic::ALL.map(Topic::name) {
+        let (written_key, damaged_key) = (format!("written{name}"), format!("lost.damaged{name}"));
+        let found = recovered.get(name).copied().unwrap_or(0);
+        // A recorder writes some messages that it does not count: those for viewers, and its log of losses.
+        let stated = if is_counted { number(&account, &written_key).unwrap_or(0) } else { found };
+        let (written, damaged) = (found.min(stated), stated.saturating_sub(found));
+        if damaged > 0 {
+            let before: u64 = number(&account, &damaged_key).unwrap_or(0);
+            account.insert(damaged_key, before.saturating_add(damaged).to_string());
+        }
+        if written > 0 || account.contains_key(&written_key) {
+            account.insert(written_key, written.to_string());
+        }
+        all_written += written;
+        all_damaged = all_damaged.saturating_add(damaged);
+    }
+    if all_damaged > 0 {
+        account.insert("lost.damaged".to_owned(), all_damaged.to_string());
+    }
+    account.insert("ended".to_owned(), "recovered".to_owned());
+    account.insert("written".to_owned(), all_written.to_string());
+    account.insert("recovered.faults".to_owned(), faults.to_string());
+    account
+}

@@ -44,8 +44,28 @@ pub enum RecordingProblem {
     #[error("cannot be read: {0}")]
     Unreadable(#[source] std::io::Error),
     /// The file is not an MCAP file.
-    #[error("is not an MCAP file (its first bytes are wrong)")]
-    NotMcap,
+    #[error("is not an MCAP file, but {kind}")]
+    NotMcap {
+        /// The kind of the file, perhaps with a remedy.
+        kind: &'static str,
+    },
+    /// The file is an MCAP file of another program.
+    #[error(
+        "is a recording of another program{}: its channels are {}; Fringeflow reads recordings of `fringeflow run \
+         --record`, `simulate` and `import`, which have images and headers of two cameras, the calibration and the \
+         description of the pattern; for images in files see `fringeflow import`",
+        written_by(library),
+        listed(channels)
+    )]
+    OtherProgram {
+        /// Library that wrote the file.
+        library: String,
+        /// Its channels, each with schema and encoding.
+        channels: Vec<String>,
+    },
+    /// Nothing of a recording can be read from a damaged file.
+    #[error("holds nothing that can be recovered: {0}")]
+    NothingReadable(String),
     /// The file ends before the end of the recording.
     #[error(
         "is unfinished: it ends at byte {offset} {within}; `fringeflow recover` writes a complete file from the rest"
@@ -64,10 +84,10 @@ pub enum RecordingProblem {
         /// What is wrong with it.
         what: String,
     },
-    /// A chunk is compressed.
+    /// A chunk is compressed in a way that is not read.
     #[error(
-        "has a chunk at byte {offset} compressed with {compression:?}; unpack it first, with `mcap compress \
-         --compression none`"
+        "has a chunk at byte {offset} compressed with {compression:?}; Fringeflow reads lz4 and zstd, so unpack it \
+         first with the program that wrote it"
     )]
     Compressed {
         /// Start of the chunk.
@@ -87,7 +107,7 @@ pub enum RecordingProblem {
         writer: String,
     },
     /// A required part is missing.
-    #[error("has no {what}, so it is not a recording of fringeflow, or a part of it was removed")]
+    #[error("has no {what}, so it is not a recording of Fringeflow, or a part of it was removed")]
     Missing {
         /// The missing part.
         what: &'static str,
@@ -132,7 +152,14 @@ impl RecordingProblem {
     /// Whether the file is an incomplete or damaged recording.
     #[must_use]
     pub fn is_damage(&self) -> bool {
-        matches!(self, Self::Unfinished { .. } | Self::Damaged { .. } | Self::Missing { .. } | Self::Message { .. })
+        matches!(
+            self,
+            Self::Unfinished { .. }
+                | Self::Damaged { .. }
+                | Self::Missing { .. }
+                | Self::Message { .. }
+                | Self::NothingReadable(_)
+        )
     }
 
     /// Whether a new file could not be created or written.
@@ -144,5 +171,25 @@ impl RecordingProblem {
     /// Returns the error about a file.
     pub(super) fn in_file(self, file: &Path) -> RecordingError {
         RecordingError { file: file.to_owned(), problem: self }
+    }
+}
+
+/// Maximum number of channels that an error lists.
+const MAX_LISTED: usize = 8;
+
+fn written_by(library: &str) -> String {
+    if library.is_empty() { String::new() } else { format!(" ({library})") }
+}
+
+/// Lists channels, at most [`MAX_LISTED`].
+fn listed(channels: &[String]) -> String {
+    let mut text = channels.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join(", ");
+    match channels.len().saturating_sub(MAX_LISTED) {
+        0 if channels.is_empty() => "none".to_owned(),
+        0 => text,
+        more => {
+            text.push_str(&format!(" and {more} more"));
+            text
+        }
     }
 }

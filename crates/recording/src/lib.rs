@@ -24,8 +24,9 @@
 //! | `/cam1/calibration`, `/cam2/calibration` | foxglove.CameraCalibration | for viewers, once |
 //!
 //! An image or cloud and its header have the same MCAP sequence number; the header comes first. `log_time` is the time
-//! of receipt or publication, `publish_time` the start of the exposure. Both are nanoseconds of `CLOCK_MONOTONIC`; the
-//! metadata `fringeflow` relate them to the wall clock. The attachments `calibration.yml`, `meta.json` and
+//! of receipt or publication, `publish_time` the start of the exposure. Both are nanoseconds since 1970. The time stamps
+//! in messages of Fringeflow's own schemas are those of `CLOCK_MONOTONIC`; the metadata `fringeflow` relate both clocks
+//! ([`WallClock`]), and messages are read with the times of `CLOCK_MONOTONIC`. The attachments `calibration.yml`, `meta.json` and
 //! `configuration.toml` are read by the measurement, so its numbers are the same as those of the rig; `truth.npz` is
 //! attached if there is ground truth. The metadata `fringeflow.recorder` at the end count written and lost messages.
 //!
@@ -69,10 +70,13 @@ mod fields;
 mod file;
 mod held_content;
 mod import;
+mod losses;
 mod mcap_writer;
 mod offline;
 mod opening;
+mod pairing;
 mod pairs;
+mod place;
 mod priors;
 mod reader;
 mod recordable;
@@ -84,6 +88,7 @@ mod summary;
 mod topic;
 mod truth_poses;
 mod viewers;
+mod wall_clock;
 mod writer;
 
 pub use check::Check;
@@ -93,6 +98,7 @@ pub use error::{RecordingError, RecordingProblem};
 pub use export::{ExportError, export_images};
 pub use fringeflow_wire::prior::{Priors, WindowPrior};
 pub use import::{ImportError, ImportOptions, import};
+pub use losses::Losses;
 pub use offline::OfflineRecorder;
 pub use opening::Origin;
 pub use pairs::{ImagePair, cycle_starts, window_starts};
@@ -104,17 +110,24 @@ pub use summary::{Remark, StageSummary, Summary, TopicSummary};
 pub use topic::Topic;
 pub use truth_poses::{TruthPose, TruthPoses};
 pub use viewers::static_messages;
+pub use wall_clock::WallClock;
 pub use writer::Opening;
 
 #[cfg(test)]
 mod tests;
 
 /// Version of the format. It is increased when older readers would misread a recording.
-pub const FORMAT_VERSION: u64 = 1;
+pub const FORMAT_VERSION: u64 = 2;
+/// First version whose log and publish times are those of the wall clock, and not of `CLOCK_MONOTONIC`.
+const WALL_CLOCK_VERSION: u64 = 2;
 /// Suffix of the name of an unfinished recording.
 pub const UNFINISHED: &str = ".part";
 /// Suffix during a recovery, so that `NAME.mcap.part` can be recovered to `NAME.mcap`.
 const UNFINISHED_RECOVERY: &str = ".recovered.part";
+/// Start of the name of the library in the header of a recording.
+const LIBRARY: &str = "fringeflow ";
+/// Profile in the header of a recording.
+const PROFILE: &str = "fringeflow";
 /// Name of the metadata about origin and setup.
 const METADATA: &str = "fringeflow";
 /// Name of the metadata about written and lost messages.

@@ -9,6 +9,8 @@ use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem};
 /// An unfinished recording. End it with [`Self::finish`], [`Self::abort`] or [`Self::discard`].
 pub struct OfflineRecorder {
     writer: RecordingWriter,
+    /// Time of the attachments.
+    started_ns: u64,
     counts: RecorderCounts,
     /// The message that is being written.
     encoded: Encoded,
@@ -21,12 +23,13 @@ impl OfflineRecorder {
     /// The file exists, or cannot be created.
     pub fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
-        Ok(Self { writer, counts: RecorderCounts::default(), encoded: Encoded::default() })
+        let started_ns = opening.origin.started_ns;
+        Ok(Self { writer, started_ns, counts: RecorderCounts::default(), encoded: Encoded::default() })
     }
 
     /// Attaches a file.
     pub(super) fn attach(&mut self, name: &str, media_type: &str, data: &[u8]) -> Result<(), RecordingProblem> {
-        self.writer.attach(name, media_type, data, 0)
+        self.writer.attach(name, media_type, data, self.started_ns)
     }
 
     /// Writes a message. A message that contradicts itself is skipped.
@@ -37,7 +40,7 @@ impl OfflineRecorder {
         let Some(topic) = message.topic() else { return Ok(()) };
         let counts = self.counts.for_topic(topic);
         counts.taken += 1;
-        message.encode(&mut self.encoded);
+        message.encode(self.writer.clock, &mut self.encoded);
         self.writer.require_space(self.encoded.len())?;
         self.writer.write(topic, message.times(), &self.encoded)?;
         counts.passed += 1;

@@ -1,15 +1,14 @@
 //! Origin of a recording: computer, time, and the metadata at its start.
 
 use std::collections::BTreeMap;
-use std::time::{SystemTime, UNIX_EPOCH};
 
-use rustix::time::ClockId;
 use serde::Serialize;
 
 use fringeflow::correspondence::Fingerprint;
 use fringeflow_dataset::Setup;
 
-use crate::FORMAT_VERSION;
+use crate::wall_clock::monotonic_ns;
+use crate::{FORMAT_VERSION, WallClock};
 
 /// Computer and time at the start of a recording.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -22,7 +21,7 @@ pub struct Origin {
     pub cpu: String,
     /// Wall clock, nanoseconds since 1970.
     pub started_unix_ns: u64,
-    /// `CLOCK_MONOTONIC` at the same time. All times of the recording use this clock.
+    /// `CLOCK_MONOTONIC` at the same time. All time stamps of messages use this clock.
     pub started_ns: u64,
 }
 
@@ -33,21 +32,26 @@ impl Origin {
         let line = |path: &str| std::fs::read_to_string(path).map(|text| text.trim().to_owned()).unwrap_or_default();
         let cpus = line("/proc/cpuinfo");
         let model = cpus.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
-        let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let started_ns = monotonic_ns();
         Self {
             host: line("/proc/sys/kernel/hostname"),
             kernel: line("/proc/sys/kernel/osrelease"),
             cpu: model.map(|(_, name)| name.to_owned()).unwrap_or_default(),
-            started_unix_ns: u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX),
-            started_ns: monotonic_ns(),
+            started_unix_ns: WallClock::here().unix_ns(started_ns),
+            started_ns,
         }
     }
 
     /// Converts a time of `CLOCK_MONOTONIC` to the wall clock, Unix milliseconds.
     #[must_use]
     pub fn unix_ms(&self, time_ns: u64) -> f64 {
-        let since_start_ns = i128::from(time_ns) - i128::from(self.started_ns);
-        (i128::from(self.started_unix_ns) + since_start_ns) as f64 * 1e-6
+        self.wall_clock().unix_ns(time_ns) as f64 * 1e-6
+    }
+
+    /// Relation of the clocks at the start of the recording.
+    #[must_use]
+    pub fn wall_clock(&self) -> WallClock {
+        WallClock::from_reading(self.started_ns, self.started_unix_ns)
     }
 
     /// Returns the metadata of a recording with this setup.
@@ -83,10 +87,4 @@ impl Origin {
             started_ns: number("started_ns"),
         }
     }
-}
-
-/// The clock of all messages.
-pub(super) fn monotonic_ns() -> u64 {
-    let now = rustix::time::clock_gettime(ClockId::Monotonic);
-    u64::try_from(now.tv_sec).unwrap_or_default() * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or_default()
 }

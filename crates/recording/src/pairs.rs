@@ -48,6 +48,8 @@ impl Recording {
         let [cam1, cam2] = [1, 2].map(|camera| {
             let mut headers: Vec<FrameHeader> = self.frame_headers(camera).copied().collect();
             headers.sort_by_key(|header| header.exposure_start_ns);
+            // A program that joins recordings may have written a message twice.
+            headers.dedup();
             headers
         });
         let mut events = self.pattern_events()?;

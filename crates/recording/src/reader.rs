@@ -2,31 +2,33 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use fringeflow::cloud::{Cloud, read_records};
 use fringeflow_dataset::{CALIBRATION_FILE, GreyImage, META_FILE, Setup, SetupText, Truth};
 use fringeflow_message::{CloudHeader, FrameHeader, PixelFormat, Window};
 
-use crate::collected::Collected;
+use crate::collected::{Collected, format_version};
 use crate::content::Header;
-use crate::entry::{Entry, FileRange};
+use crate::entry::Entry;
+use crate::place::{Place, PlaceReader};
+use crate::recordable::Times;
 use crate::scan::{ScanMode, Scanned, scan};
 use crate::{
     CONFIGURATION_FILE, Content, Message, Origin, RecordingError, RecordingProblem, Topic, TruthPose, TruthPoses,
+    WALL_CLOCK_VERSION,
 };
 
 /// An opened recording.
 #[derive(Debug)]
 pub struct Recording {
     pub(super) path: PathBuf,
-    pub(super) file: File,
+    pub(super) file: PlaceReader,
     pub(super) setup: Setup,
     pub(super) configuration: String,
     pub(super) metadata: BTreeMap<String, String>,
     pub(super) recorder_account: BTreeMap<String, String>,
-    pub(super) truth: Option<FileRange>,
+    pub(super) truth: Option<Place>,
     pub(super) entries: Vec<Entry>,
     /// Index of the image entries by camera, session and sequence number.
     pub(super) frames: BTreeMap<(u32, u64, u64), usize>,
@@ -56,16 +58,20 @@ impl Recording {
         file: File,
         scanned: Scanned,
     ) -> Result<Self, RecordingProblem> {
+        collected.check(&scanned)?;
         let metadata = collected.metadata.ok_or(RecordingProblem::Missing { what: "metadata fringeflow" })?;
-        if let Some(((topic, sequence), (_, offset))) = collected.headers.pop_first() {
-            let (topic, what) = (topic.name(), "the message that it describes is missing".to_owned());
-            return Err(RecordingProblem::Message { topic, sequence, offset, what });
-        }
         let mut text = |name, what| collected.texts.remove(name).ok_or(RecordingProblem::Missing { what });
         let calibration = text(CALIBRATION_FILE, "attachment calibration.yml")?;
         let description = text(META_FILE, "attachment meta.json")?;
         let configuration = text(CONFIGURATION_FILE, "attachment configuration.toml")?;
         let setup = Setup::parse(SetupText { description, calibration }, None)?;
+        // Time stamps of messages are those of CLOCK_MONOTONIC, so the times of the messages are converted to it.
+        if format_version(&metadata).is_some_and(|version| version >= WALL_CLOCK_VERSION) {
+            let clock = Origin::from_metadata(&metadata).wall_clock();
+            for Times { log_ns, publish_ns } in collected.entries.iter_mut().map(|entry| &mut entry.times) {
+                (*log_ns, *publish_ns) = (clock.monotonic_ns(*log_ns), clock.monotonic_ns(*publish_ns));
+            }
+        }
         // The sort is stable: messages with the same time stay in the order of the file.
         collected.entries.sort_by_key(|entry| entry.times.log_ns);
         let frames = collected.entries.iter().enumerate().filter_map(|(i, entry)| match &entry.header {
@@ -75,7 +81,7 @@ impl Recording {
         let frames = frames.collect();
         Ok(Self {
             path: path.to_owned(),
-            file,
+            file: PlaceReader::new(file),
             setup,
             configuration,
             metadata,
@@ -259,7 +265,7 @@ impl Recording {
 
     /// Returns the content of the attachment `truth.npz`, if there is one.
     pub(super) fn truth_bytes(&self) -> Result<Option<Vec<u8>>, RecordingError> {
-        self.truth.map(|range| self.read_bytes(range).map_err(|p| p.in_file(&self.path))).transpose()
+        self.truth.map(|place| self.file.read(place).map_err(|p| p.in_file(&self.path))).transpose()
     }
 
     /// Reads a cloud by its index in the order of time, from 0; `None` after the last.
@@ -279,7 +285,7 @@ impl Recording {
     }
 
     fn read(&self, entry: &Entry) -> Result<Message, RecordingError> {
-        let data = self.read_bytes(entry.range).map_err(|p| p.in_file(&self.path))?;
+        let data = self.file.read(entry.place).map_err(|p| p.in_file(&self.path))?;
         let content = Content::decode(entry.topic, entry.header.as_ref(), data.into());
         Ok(Message {
             topic: entry.topic,
@@ -287,13 +293,6 @@ impl Recording {
             publish_ns: entry.times.publish_ns,
             content: content.map_err(|what| entry.problem(what).in_file(&self.path))?,
         })
-    }
-
-    /// Reads a part of the file. The scan has already read this part, so its size is valid.
-    fn read_bytes(&self, range: FileRange) -> Result<Vec<u8>, RecordingProblem> {
-        let mut bytes = vec![0; range.bytes];
-        self.file.read_exact_at(&mut bytes, range.offset).map_err(RecordingProblem::Unreadable)?;
-        Ok(bytes)
     }
 
     /// Reads the true poses of the object; empty if the recording has none.

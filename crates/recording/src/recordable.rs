@@ -16,7 +16,7 @@ use fringeflow_wire as wire;
 use crate::convert::Convert;
 use crate::held_content::HeldContent;
 use crate::viewers::{self, log_message};
-use crate::{Topic, TruthPose, schema, truth_poses};
+use crate::{Topic, TruthPose, WallClock, schema, truth_poses};
 
 /// Key of the `data` of images and clouds: field 6, bytes.
 const DATA_KEY: u8 = 6 << 3 | 2;
@@ -237,14 +237,15 @@ impl Recordable<'_> {
         payload + MAX_HEADER_BYTES
     }
 
-    /// Encodes the message into a buffer and replaces its content.
-    pub fn encode(&self, out: &mut Encoded) {
-        let payload = self.encode_head(out);
+    /// Encodes the message into a buffer and replaces its content. `clock` converts the time stamps of messages in the
+    /// schemas of Foxglove.
+    pub fn encode(&self, clock: WallClock, out: &mut Encoded) {
+        let payload = self.encode_head(clock, out);
         out.bytes.extend_from_slice(payload);
     }
 
     /// Encodes the message into a buffer and replaces its content. The payload is left out and returned; it comes last.
-    pub(super) fn encode_head(&self, out: &mut Encoded) -> &[u8] {
+    pub(super) fn encode_head(&self, clock: WallClock, out: &mut Encoded) -> &[u8] {
         let Encoded { bytes, held, split } = out;
         bytes.clear();
         *held = None;
@@ -253,13 +254,13 @@ impl Recordable<'_> {
             Self::Frame { header, image } => {
                 append_struct::<schema::FrameHeader>(bytes, header);
                 *split = bytes.len();
-                append(bytes, &viewers::raw_image(header));
+                append(bytes, &viewers::raw_image(header, clock));
                 payload_field = Some((DATA_KEY, *image));
             }
             Self::Cloud { header, records } => {
                 append_struct::<schema::CloudHeader>(bytes, header);
                 *split = bytes.len();
-                append(bytes, &viewers::point_cloud(header));
+                append(bytes, &viewers::point_cloud(header, clock));
                 payload_field = Some((DATA_KEY, *records));
             }
             Self::Maps { header, payload } => {
@@ -275,21 +276,23 @@ impl Recordable<'_> {
             Self::Pattern(event) => append_struct::<schema::PatternEvent>(bytes, event),
             Self::Report(report) => append_struct::<schema::StageReport>(bytes, report),
             Self::WindowReport(report) => append_struct::<schema::WindowReport>(bytes, report),
-            Self::TruthPose(pose) => append(bytes, &truth_poses::encode(pose)),
+            Self::TruthPose(pose) => append(bytes, &truth_poses::encode(pose, clock)),
             Self::Pose(report) => append_struct::<schema::PoseReport>(bytes, report),
-            Self::PoseTransform(report) => append(bytes, &viewers::pose_transforms(report)),
+            Self::PoseTransform(report) => append(bytes, &viewers::pose_transforms(report, clock)),
             Self::Prior { header, relief } => {
                 let prior = schema::Prior::from_struct(header).unwrap_or_default();
                 append(bytes, &schema::Prior { relief: Bytes::copy_from_slice(relief), ..prior });
             }
             Self::Model { header, points } => {
-                append(bytes, &viewers::model_cloud(header));
+                append(bytes, &viewers::model_cloud(header, clock));
                 payload_field = Some((DATA_KEY, *points));
             }
-            Self::Mark { time_ns, text } => append(bytes, &log_message(*time_ns, log::Level::Info, "mark", text)),
+            Self::Mark { time_ns, text } => {
+                append(bytes, &log_message(clock.unix_ns(*time_ns), log::Level::Info, "mark", text));
+            }
             Self::Event { time_ns, is_warning, source, text } => {
                 let level = if *is_warning { log::Level::Warning } else { log::Level::Info };
-                append(bytes, &log_message(*time_ns, level, source, text));
+                append(bytes, &log_message(clock.unix_ns(*time_ns), level, source, text));
             }
         }
         let Some((key, payload)) = payload_field else { return &[] };

@@ -17,8 +17,8 @@ use fringeflow_message::DropReason;
 
 use crate::buffers::{BufferPool, Item};
 use crate::held_content::{HeldContent, HeldSlots};
-use crate::opening::monotonic_ns;
 use crate::recordable::{Encoded, MAX_HEADER_BYTES, Times};
+use crate::wall_clock::{WallClock, monotonic_ns};
 use crate::writer::{Opening, RecordingWriter};
 use crate::{Recordable, RecorderCounts, RecordingError, RecordingProblem, Topic};
 
@@ -59,6 +59,7 @@ pub struct Recorder {
 #[derive(Debug)]
 struct Shared {
     target: PathBuf,
+    clock: WallClock,
     buffers: BufferPool,
     account: Mutex<Account>,
 }
@@ -78,7 +79,8 @@ impl Recorder {
     pub fn create(target: &Path, opening: &Opening<'_>, queue_bytes: usize) -> Result<Self, RecordingError> {
         let writer = RecordingWriter::create(target, opening)?;
         let buffers = BufferPool::new(queue_bytes);
-        let shared = Arc::new(Shared { target: target.to_owned(), buffers, account: Mutex::default() });
+        let shared =
+            Arc::new(Shared { target: target.to_owned(), clock: writer.clock, buffers, account: Mutex::default() });
         let (thread_shared, (items, queue)) = (Arc::clone(&shared), unbounded());
         let thread = std::thread::Builder::new().name("recorder".to_owned());
         let thread = thread.spawn(move || WriterThread::new(&thread_shared, queue, writer).run());
@@ -93,7 +95,9 @@ impl Recorder {
             self.shared.account().counts.malformed += 1;
             return;
         };
-        self.enqueue(topic, message.times(), message.encoded_size(), |encoded| message.encode(encoded));
+        self.enqueue(topic, message.times(), message.encoded_size(), |encoded| {
+            message.encode(self.shared.clock, encoded);
+        });
     }
 
     /// Takes an image or a cloud without copying its content; `message` makes the message of both. The content must not
@@ -110,7 +114,7 @@ impl Recorder {
         let slots = if topic == Some(Topic::Cloud) { &self.cloud_slots } else { &self.image_slots };
         let Some((topic, slot)) = topic.zip(slots.take()) else { return self.push(&whole) };
         self.enqueue(topic, whole.times(), MAX_HEADER_BYTES, |encoded| {
-            message(header, content.as_ref()).encode_head(encoded);
+            message(header, content.as_ref()).encode_head(self.shared.clock, encoded);
             encoded.held = Some(HeldContent::new(content, slot));
         });
     }
@@ -282,7 +286,7 @@ impl<'a> WriterThread<'a> {
         self.reported_losses = lost;
         let loss = Recordable::Event { time_ns: monotonic_ns(), is_warning: true, source: "recorder", text: &text };
         let mut encoded = Encoded::default();
-        loss.encode(&mut encoded);
+        loss.encode(self.shared.clock, &mut encoded);
         // A failure is ignored: the counts have the losses too, and the next write fails again.
         let _ = writer.write(Topic::Log, loss.times(), &encoded);
     }

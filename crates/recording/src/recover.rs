@@ -10,15 +10,16 @@ use std::path::Path;
 use prost::bytes::Bytes;
 use serde::Serialize;
 
-use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
-
-use crate::collected::check_version;
+use crate::collected::{NEEDED, check_version, other_program};
 use crate::content::Header;
+use crate::counts::recovered_account;
+use crate::pairing::Pairing;
+use crate::place::{Place, PlaceReader};
 use crate::recordable::Times;
-use crate::scan::{Found, FoundMessage, ScanMode, scan};
+use crate::scan::{Found, FoundMessage, ScanMode, Scanned, scan};
 use crate::writer::RecordingWriter;
 use crate::{
-    CONFIGURATION_FILE, Content, METADATA, RECORDER_METADATA, RecordingError, RecordingProblem, Topic,
+    Content, Losses, METADATA, RECORDER_METADATA, Recording, RecordingError, RecordingProblem, Topic,
     UNFINISHED_RECOVERY,
 };
 
@@ -29,47 +30,68 @@ pub struct Recovered {
     pub messages: BTreeMap<&'static str, u64>,
     /// Number of messages skipped: headers without their message, messages without their header, and invalid content.
     pub left_out: u64,
-    /// Number of messages of unknown topics, which are skipped as well.
+    /// Number of messages of other programs, by topic, which are skipped as well.
     pub foreign: BTreeMap<String, u64>,
     /// Missing attachments and metadata that a measurement needs.
     pub missing: Vec<&'static str>,
     /// Faults of the file, in the order of their offsets.
     pub faults: Vec<String>,
+    /// Whether a fault is in the data, and not only in the summary after them.
+    pub has_data_fault: bool,
+    /// What the new recording lacks; `None` if it cannot be opened because parts are missing.
+    #[serde(flatten)]
+    pub losses: Option<Losses>,
+}
+
+impl Recovered {
+    /// Whether the new recording lacks anything that was sent while it was made.
+    #[must_use]
+    pub fn has_losses(&self) -> bool {
+        let is_complete = self.losses.as_ref().is_some_and(Losses::is_empty);
+        !is_complete || self.left_out > 0 || !self.foreign.is_empty() || self.has_data_fault
+    }
+
+    /// Says in words what the new recording lacks.
+    #[must_use]
+    pub fn lacks(&self) -> String {
+        let foreign: u64 = self.foreign.values().sum();
+        let losses = self.losses.as_ref().filter(|losses| !losses.is_empty());
+        let parts = [
+            (!self.missing.is_empty()).then(|| self.missing.join(", ")),
+            losses.map(Losses::to_string),
+            (self.left_out > 0).then(|| format!("{} messages that are invalid or incomplete", self.left_out)),
+            (foreign > 0).then(|| format!("{foreign} messages that Fringeflow does not read")),
+        ];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        if parts.is_empty() { "what was at the faults".to_owned() } else { parts.join(", ") }
+    }
 }
 
 /// Writes all readable parts of `damaged` to the new recording `target`.
 ///
 /// # Errors
-/// The file cannot be read, is not an MCAP file, or is of a newer version; or the new file cannot be written.
+/// The file cannot be read, is not a recording of Fringeflow, is of a newer version, or has nothing that can be read; or
+/// the new file cannot be written.
 pub fn recover(damaged: &Path, target: &Path, min_free_bytes: u64) -> Result<Recovered, RecordingError> {
-    let file = File::open(damaged).map_err(|e| RecordingProblem::Unreadable(e).in_file(damaged))?;
+    let unreadable = |e| RecordingProblem::Unreadable(e).in_file(damaged);
+    let file = File::open(damaged).map_err(unreadable)?;
     let mut recovery = Recovery {
+        source: PlaceReader::new(file.try_clone().map_err(unreadable)?),
         writer: RecordingWriter::create_empty(target, UNFINISHED_RECOVERY, min_free_bytes)?,
         recovered: Recovered::default(),
         found: Vec::new(),
         account: BTreeMap::new(),
-        written: 0,
-        headers: BTreeMap::new(),
+        pairing: Pairing::default(),
     };
-    let scanned = match scan(&file, ScanMode::Tolerant, &mut |found| recovery.add(found)) {
-        Ok(scanned) => scanned,
+    let scanned = scan(&file, ScanMode::Tolerant, &mut |found| recovery.add(found));
+    match scanned.and_then(|scanned| recovery.check(&scanned).map(|()| scanned)) {
+        Ok(scanned) => recovery.finish(scanned, target),
         Err(problem) => {
             let file = if problem.is_about_writing() { target } else { damaged };
             recovery.writer.discard();
-            return Err(problem.in_file(file));
+            Err(problem.in_file(file))
         }
-    };
-    let Recovery { writer, mut recovered, found, mut account, written, headers } = recovery;
-    recovered.left_out += headers.len() as u64;
-    recovered.foreign = scanned.foreign_messages;
-    recovered.faults = scanned.faults.iter().map(fault_text).collect();
-    let needed = [METADATA, CALIBRATION_FILE, META_FILE, CONFIGURATION_FILE];
-    recovered.missing = needed.into_iter().filter(|name| !found.iter().any(|f| f == name)).collect();
-    account.insert("ended".to_owned(), "recovered".to_owned());
-    account.insert("written".to_owned(), written.to_string());
-    account.insert("recovered.faults".to_owned(), recovered.faults.len().to_string());
-    writer.finish(&account)?;
-    Ok(recovered)
+    }
 }
 
 /// Describes a fault without its remedy, since recovery is the remedy.
@@ -82,16 +104,30 @@ fn fault_text(problem: &RecordingProblem) -> String {
 }
 
 struct Recovery {
+    /// The damaged file.
+    source: PlaceReader,
     writer: RecordingWriter,
     recovered: Recovered,
     /// Names of the attachments and metadata found.
     found: Vec<String>,
     /// Final counts of the recorder, if the file contains them.
     account: BTreeMap<String, String>,
-    /// Number of recovered messages that the recorder had counted.
-    written: u64,
-    /// Headers whose image or cloud has not been found yet.
-    headers: BTreeMap<(Topic, u32), (Header, Times, Vec<u8>)>,
+    /// Headers, and the messages that they describe.
+    pairing: Pairing<WaitingHeader, WaitingMessage>,
+}
+
+/// A header that waits for its message.
+struct WaitingHeader {
+    header: Header,
+    times: Times,
+    bytes: Vec<u8>,
+}
+
+/// A message that waits for its header. Its data are read again when the header is found.
+struct WaitingMessage {
+    topic: Topic,
+    times: Times,
+    place: Place,
 }
 
 impl Recovery {
@@ -117,27 +153,71 @@ impl Recovery {
     }
 
     fn message(&mut self, message: &FoundMessage<'_>) -> Result<(), RecordingProblem> {
-        let FoundMessage { topic, sequence, times, data, .. } = *message;
+        let FoundMessage { topic, sequence, times, data, place } = *message;
         if topic.is_header() {
-            match Header::decode(topic, data) {
-                Ok(header) => drop(self.headers.insert((topic, sequence), (header, times, data.to_vec()))),
-                Err(_) => self.recovered.left_out += 1,
-            }
-            return Ok(());
+            let Ok(header) = Header::decode(topic, data) else {
+                self.recovered.left_out += 1;
+                return Ok(());
+            };
+            let header = WaitingHeader { header, times, bytes: data.to_vec() };
+            let Some((message, header)) = self.pairing.add_header((topic, sequence), header) else { return Ok(()) };
+            let data = self.source.read(message.place)?;
+            return self.write(message.topic, sequence, message.times, &data, Some(&header));
         }
-        let header = topic.header().and_then(|topic| self.headers.remove(&(topic, sequence)));
-        let content = Content::decode(topic, header.as_ref().map(|(h, ..)| h), Bytes::copy_from_slice(data));
-        let Ok(content) = content else {
+        let Some(header_topic) = topic.header() else { return self.write(topic, sequence, times, data, None) };
+        match self.pairing.add_message((header_topic, sequence), WaitingMessage { topic, times, place }) {
+            Some((_, header)) => self.write(topic, sequence, times, data, Some(&header)),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes a message, and its header before it.
+    fn write(
+        &mut self,
+        topic: Topic,
+        sequence: u32,
+        times: Times,
+        data: &[u8],
+        header: Option<&WaitingHeader>,
+    ) -> Result<(), RecordingProblem> {
+        let content = Content::decode(topic, header.map(|header| &header.header), Bytes::copy_from_slice(data));
+        if content.is_err() {
             self.recovered.left_out += 1;
             return Ok(());
-        };
+        }
         self.writer.require_space(data.len())?;
-        if let Some((header_topic, (_, times, bytes))) = topic.header().zip(header) {
-            self.writer.write_numbered(header_topic, sequence, times, &bytes)?;
+        if let Some((header_topic, header)) = topic.header().zip(header) {
+            self.writer.write_numbered(header_topic, sequence, header.times, &header.bytes)?;
         }
         self.writer.write_numbered(topic, sequence, times, data)?;
-        self.written += u64::from(!matches!(content, Content::ForViewers | Content::Loss(_)));
         *self.recovered.messages.entry(topic.name()).or_default() += 1;
         Ok(())
+    }
+
+    /// Checks that anything of a recording was found.
+    fn check(&self, scanned: &Scanned) -> Result<(), RecordingProblem> {
+        let has_parts = NEEDED.iter().any(|name| self.found.iter().any(|found| found == name));
+        if has_parts || (scanned.is_of_fringeflow && !self.recovered.messages.is_empty()) {
+            return Ok(());
+        }
+        match scanned.faults.first() {
+            Some(fault) if scanned.channels.is_empty() => Err(RecordingProblem::NothingReadable(fault_text(fault))),
+            _ => Err(other_program(scanned)),
+        }
+    }
+
+    /// Writes the end of the new recording, and counts what it lacks.
+    fn finish(self, scanned: Scanned, target: &Path) -> Result<Recovered, RecordingError> {
+        let Self { writer, mut recovered, found, account, pairing, .. } = self;
+        recovered.left_out += pairing.count();
+        recovered.foreign = scanned.foreign_messages;
+        recovered.faults = scanned.faults.iter().map(fault_text).collect();
+        recovered.has_data_fault = scanned.has_data_fault;
+        recovered.missing = NEEDED.into_iter().filter(|name| !found.iter().any(|f| f == name)).collect();
+        writer.finish(&recovered_account(account, &recovered.messages, recovered.faults.len()))?;
+        if recovered.missing.is_empty() {
+            recovered.losses = Some(Recording::open(target)?.losses()?);
+        }
+        Ok(recovered)
     }
 }

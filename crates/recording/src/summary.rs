@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use fringeflow_message::{Stage, StageReport};
 
-use crate::{Content, Origin, Recording, RecordingError, Topic};
+use crate::{Content, Losses, Origin, Recording, RecordingError, Topic};
 
 /// Summary of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,8 +35,9 @@ pub struct Summary {
     pub marks: Vec<Remark>,
     /// Messages of the recorder about its losses.
     pub losses: Vec<Remark>,
-    /// Messages that the recorder lost; `None` if it was killed and could not report them.
-    pub lost: Option<u64>,
+    /// What the recording lacks.
+    #[serde(flatten)]
+    pub missing: Losses,
     /// Final counts of the recorder.
     pub account: BTreeMap<String, String>,
     /// Last report of every stage.
@@ -108,7 +109,7 @@ impl Recording {
             points: self.cloud_headers().fold(0, |sum, header| sum.saturating_add(header.points)),
             marks,
             losses,
-            lost: self.lost_messages(),
+            missing: self.losses()?,
             account: self.recorder_account().clone(),
             stages: self.stage_summaries()?,
             foreign: self.foreign_messages().clone(),

@@ -5,6 +5,9 @@ use foxglove::{Encode, Schema};
 
 use crate::schema::DESCRIPTOR;
 
+/// Encoding of all messages.
+const ENCODING: &str = "protobuf";
+
 /// Defines [`Topic`] from a table: name in the file and content of each topic.
 macro_rules! topics {
     ($($Topic:ident = $name:literal, $content:literal;)*) => {
@@ -57,6 +60,13 @@ impl Topic {
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|topic| topic.name() == name)
+    }
+
+    /// Returns the topic of a channel; `None` if another program uses the name for other messages. A channel without a
+    /// schema is taken by its name.
+    pub(super) fn of_channel(name: &str, schema: &str, encoding: &str) -> Option<Self> {
+        let has_schema = |topic: &Self| schema.is_empty() || topic.schema().is_some_and(|own| own.name == schema);
+        Self::from_name(name).filter(|topic| encoding == ENCODING && has_schema(topic))
     }
 
     /// MCAP channel of the topic. It is the same in every recording, so that messages can be read even if the channel

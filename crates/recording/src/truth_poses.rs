@@ -8,6 +8,7 @@ use foxglove::messages::FrameTransform;
 
 use fringeflow::geometry::{Point3, Pose, interpolate_pose};
 
+use crate::WallClock;
 use crate::viewers::transform;
 
 /// Frame of the exact camera 1.
@@ -58,8 +59,8 @@ impl TruthPoses {
 }
 
 /// Converts a pose to its recorded form.
-pub(super) fn encode(pose: &TruthPose) -> FrameTransform {
-    transform([PARENT, CHILD], &pose.cam1_from_object, pose.exposure_start_ns)
+pub(super) fn encode(pose: &TruthPose, clock: WallClock) -> FrameTransform {
+    transform([PARENT, CHILD], &pose.cam1_from_object, clock.unix_ns(pose.exposure_start_ns))
 }
 
 /// Returns the pose of a recorded form, or what is wrong with it.
@@ -106,11 +107,11 @@ mod tests {
 
     #[test]
     fn a_pose_is_read_unchanged_and_an_invalid_one_is_refused() {
-        let transform = encode(&pose(7));
+        let transform = encode(&pose(7), WallClock::default());
         let off = decode(&transform).unwrap().to_homogeneous() - pose(7).cam1_from_object.to_homogeneous();
         assert!(off.amax() < 1e-12);
         let refused = |change: fn(&mut FrameTransform)| {
-            let mut transform = encode(&pose(7));
+            let mut transform = encode(&pose(7), WallClock::default());
             change(&mut transform);
             decode(&transform).unwrap_err()
         };

@@ -12,7 +12,7 @@ use fringeflow::geometry::{Camera, Pose};
 use fringeflow_dataset::Setup;
 use fringeflow_message::{CloudHeader, FrameHeader, MODEL_POINT_BYTES, ModelHeader, PixelFormat, PoseReport};
 
-use crate::Topic;
+use crate::{Topic, WallClock};
 
 /// Frame of the model: the pose of camera 1 at its first cloud.
 const MODEL: &str = "model";
@@ -26,33 +26,34 @@ const MODEL_FIELDS: [(&str, Scalar, u32); 6] = [
     ("intensity", Scalar::U8, 18),
 ];
 
-/// Transforms and calibration of a setup, encoded. They do not change during a recording.
+/// Transforms and calibration of a setup, encoded. They do not change during a recording. Their time stamp is `unix_ns`,
+/// nanoseconds since 1970.
 #[must_use]
-pub fn static_messages(setup: &Setup, time_ns: u64) -> [(Topic, Vec<u8>); 3] {
-    let calibration = |camera, frame| calibration(camera, frame, time_ns).encode_to_vec();
+pub fn static_messages(setup: &Setup, unix_ns: u64) -> [(Topic, Vec<u8>); 3] {
+    let calibration = |camera, frame| calibration(camera, frame, unix_ns).encode_to_vec();
     [
-        (Topic::Transforms, static_transforms(setup, time_ns).encode_to_vec()),
+        (Topic::Transforms, static_transforms(setup, unix_ns).encode_to_vec()),
         (Topic::Cam1Calibration, calibration(&setup.rig.cam1, "cam1")),
         (Topic::Cam2Calibration, calibration(&setup.rig.cam2, "cam2")),
     ]
 }
 
 /// Transforms of camera 2, projector and measurement volume in the frame of camera 1.
-fn static_transforms(setup: &Setup, time_ns: u64) -> FrameTransforms {
+fn static_transforms(setup: &Setup, unix_ns: u64) -> FrameTransforms {
     let mut transforms = vec![
-        transform(["cam1", "cam2"], &setup.rig.cam2_from_cam1.inverse(), time_ns),
-        transform(["cam1", "projector"], &setup.rig.projector_from_cam1.inverse(), time_ns),
+        transform(["cam1", "cam2"], &setup.rig.cam2_from_cam1.inverse(), unix_ns),
+        transform(["cam1", "projector"], &setup.rig.projector_from_cam1.inverse(), unix_ns),
     ];
     let volume = setup.volume.as_ref();
-    transforms.extend(volume.map(|volume| transform(["cam1", "volume"], volume.cam1_from_volume(), time_ns)));
+    transforms.extend(volume.map(|volume| transform(["cam1", "volume"], volume.cam1_from_volume(), unix_ns)));
     FrameTransforms { transforms }
 }
 
 /// Creates the message with the pose of a child frame in its parent frame.
-pub(super) fn transform([parent, child]: [&str; 2], parent_from_child: &Pose, time_ns: u64) -> FrameTransform {
+pub(super) fn transform([parent, child]: [&str; 2], parent_from_child: &Pose, unix_ns: u64) -> FrameTransform {
     let (t, q) = (parent_from_child.translation.vector, parent_from_child.rotation);
     FrameTransform {
-        timestamp: timestamp(time_ns),
+        timestamp: timestamp(unix_ns),
         parent_frame_id: parent.to_owned(),
         child_frame_id: child.to_owned(),
         translation: Some(Vector3 { x: t.x, y: t.y, z: t.z }),
@@ -61,11 +62,11 @@ pub(super) fn transform([parent, child]: [&str; 2], parent_from_child: &Pose, ti
 }
 
 /// Creates the calibration message of a camera. The measurement reads the attachment instead.
-fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration {
+fn calibration(camera: &Camera, frame: &str, unix_ns: u64) -> CameraCalibration {
     let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.principal_px());
     let d = camera.distortion().to_opencv();
     CameraCalibration {
-        timestamp: timestamp(time_ns),
+        timestamp: timestamp(unix_ns),
         frame_id: frame.to_owned(),
         width: camera.width_px() as u32,
         height: camera.height_px() as u32,
@@ -78,12 +79,12 @@ fn calibration(camera: &Camera, frame: &str, time_ns: u64) -> CameraCalibration 
 }
 
 /// Creates the transform of camera 1 in the frame of the model.
-pub(super) fn pose_transforms(report: &PoseReport) -> FrameTransforms {
+pub(super) fn pose_transforms(report: &PoseReport, clock: WallClock) -> FrameTransforms {
     let [x, y, z] = report.position_m;
     let translation = Some(Vector3 { x, y, z });
     let [x, y, z, w] = report.rotation;
     let transform = FrameTransform {
-        timestamp: timestamp(report.window.centre_ns),
+        timestamp: timestamp(clock.unix_ns(report.window.centre_ns)),
         parent_frame_id: MODEL.to_owned(),
         child_frame_id: "cam1".to_owned(),
         translation,
@@ -93,9 +94,9 @@ pub(super) fn pose_transforms(report: &PoseReport) -> FrameTransforms {
 }
 
 /// Creates an image message without its `data`.
-pub(super) fn raw_image(header: &FrameHeader) -> RawImage {
+pub(super) fn raw_image(header: &FrameHeader, clock: WallClock) -> RawImage {
     RawImage {
-        timestamp: timestamp(header.exposure_start_ns),
+        timestamp: timestamp(clock.unix_ns(header.exposure_start_ns)),
         frame_id: format!("cam{}", header.camera),
         width: header.width_px,
         height: header.height_px,
@@ -114,26 +115,26 @@ pub(super) fn raw_encoding(header: &FrameHeader) -> Option<&'static str> {
 }
 
 /// Creates a cloud message without its `data`.
-pub(super) fn point_cloud(header: &CloudHeader) -> PointCloud {
+pub(super) fn point_cloud(header: &CloudHeader, clock: WallClock) -> PointCloud {
     let mut offset = 0;
     let fields = FIELDS.map(|(name, scalar)| {
         let field = packed_field(name, scalar, offset);
         offset += scalar.size() as u32;
         field
     });
-    packed_cloud("cam1", header.window.centre_ns, RECORD_BYTES, fields.to_vec())
+    packed_cloud("cam1", clock.unix_ns(header.window.centre_ns), RECORD_BYTES, fields.to_vec())
 }
 
 /// Creates a message with the points of a model, without their `data`.
-pub(super) fn model_cloud(header: &ModelHeader) -> PointCloud {
+pub(super) fn model_cloud(header: &ModelHeader, clock: WallClock) -> PointCloud {
     let fields = MODEL_FIELDS.map(|(name, scalar, offset)| packed_field(name, scalar, offset));
-    packed_cloud(MODEL, header.centre_ns, MODEL_POINT_BYTES, fields.to_vec())
+    packed_cloud(MODEL, clock.unix_ns(header.centre_ns), MODEL_POINT_BYTES, fields.to_vec())
 }
 
-fn packed_cloud(frame: &str, time_ns: u64, point_bytes: usize, fields: Vec<PackedElementField>) -> PointCloud {
+fn packed_cloud(frame: &str, unix_ns: u64, point_bytes: usize, fields: Vec<PackedElementField>) -> PointCloud {
     let orientation = Some(messages::Quaternion { w: 1.0, ..messages::Quaternion::default() });
     PointCloud {
-        timestamp: timestamp(time_ns),
+        timestamp: timestamp(unix_ns),
         frame_id: frame.to_owned(),
         pose: Some(messages::Pose { position: Some(Vector3::default()), orientation }),
         point_stride: point_bytes as u32,
@@ -152,9 +153,9 @@ fn packed_field(name: &str, scalar: Scalar, offset: u32) -> PackedElementField {
     PackedElementField { name: name.to_owned(), offset, r#type: numeric_type.into() }
 }
 
-pub(super) fn log_message(time_ns: u64, level: log::Level, name: &str, text: &str) -> Log {
+pub(super) fn log_message(unix_ns: u64, level: log::Level, name: &str, text: &str) -> Log {
     Log {
-        timestamp: timestamp(time_ns),
+        timestamp: timestamp(unix_ns),
         level: level.into(),
         message: text.to_owned(),
         name: name.to_owned(),
@@ -162,8 +163,8 @@ pub(super) fn log_message(time_ns: u64, level: log::Level, name: &str, text: &st
     }
 }
 
-/// Converts a time to that of Foxglove; times after 2106 are shown as 0.
-fn timestamp(time_ns: u64) -> Option<Timestamp> {
-    let seconds = u32::try_from(time_ns / 1_000_000_000).ok()?;
-    Timestamp::new_checked(seconds, (time_ns % 1_000_000_000) as u32)
+/// Converts nanoseconds since 1970 to a time of Foxglove; times after 2106 are shown as 0.
+fn timestamp(unix_ns: u64) -> Option<Timestamp> {
+    let seconds = u32::try_from(unix_ns / 1_000_000_000).ok()?;
+    Timestamp::new_checked(seconds, (unix_ns % 1_000_000_000) as u32)
 }

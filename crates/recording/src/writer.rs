@@ -14,8 +14,8 @@ use crate::file::UnfinishedFile;
 use crate::mcap_writer::{Attachment, McapWriter, Schema};
 use crate::recordable::{Encoded, Times};
 use crate::{
-    CONFIGURATION_FILE, METADATA, Origin, RECORDER_METADATA, RecordingError, RecordingProblem, Topic, UNFINISHED,
-    static_messages,
+    CONFIGURATION_FILE, LIBRARY, METADATA, Origin, PROFILE, RECORDER_METADATA, RecordingError, RecordingProblem, Topic,
+    UNFINISHED, WallClock, static_messages,
 };
 
 /// Options of a new recording, and the content of its start.
@@ -36,6 +36,8 @@ pub(super) struct RecordingWriter {
     mcap: McapWriter,
     file: UnfinishedFile,
     target: PathBuf,
+    /// Converts the times of messages and attachments.
+    pub(super) clock: WallClock,
     channels: BTreeMap<Topic, Channel>,
 }
 
@@ -49,18 +51,19 @@ impl RecordingWriter {
     /// Creates the file and writes the start of a recording.
     pub(super) fn create(target: &Path, opening: &Opening<'_>) -> Result<Self, RecordingError> {
         let mut writer = Self::create_empty(target, UNFINISHED, opening.min_free_bytes)?;
+        writer.clock = opening.origin.wall_clock();
         match writer.write_opening(opening) {
             Ok(()) => Ok(writer),
             Err(problem) => Err(writer.abort(problem)),
         }
     }
 
-    /// Creates the file and adds only its header.
+    /// Creates the file and adds only its header. Times are written as they are given.
     pub(super) fn create_empty(target: &Path, suffix: &str, min_free_bytes: u64) -> Result<Self, RecordingError> {
         let file = UnfinishedFile::create(target, suffix, min_free_bytes)?;
-        let library = concat!("fringeflow ", env!("CARGO_PKG_VERSION"));
-        let mcap = McapWriter::begin(file.writer(), "fringeflow", library);
-        Ok(Self { mcap, file, target: target.to_owned(), channels: BTreeMap::new() })
+        let library = format!("{LIBRARY}{}", env!("CARGO_PKG_VERSION"));
+        let mcap = McapWriter::begin(file.writer(), PROFILE, &library);
+        Ok(Self { mcap, file, target: target.to_owned(), clock: WallClock::default(), channels: BTreeMap::new() })
     }
 
     fn write_opening(&mut self, opening: &Opening<'_>) -> Result<(), RecordingProblem> {
@@ -71,7 +74,7 @@ impl RecordingWriter {
         self.attach(META_FILE, "application/json", setup.text.description.as_bytes(), time_ns)?;
         self.attach(CONFIGURATION_FILE, "application/toml", configuration.as_bytes(), time_ns)?;
         let times = Times { log_ns: time_ns, publish_ns: time_ns };
-        for (topic, message) in static_messages(setup, time_ns) {
+        for (topic, message) in static_messages(setup, self.clock.unix_ns(time_ns)) {
             self.write_one(topic, times, &message)?;
         }
         self.flush()
@@ -113,7 +116,8 @@ impl RecordingWriter {
     fn message(&mut self, topic: Topic, times: Times, content: [&[u8]; 2]) -> Result<(), RecordingProblem> {
         let Channel { id, sequence } = *self.channel(topic);
         self.channel(topic).sequence = sequence.wrapping_add(1);
-        let header = MessageHeader { channel_id: id, sequence, log_time: times.log_ns, publish_time: times.publish_ns };
+        let [log_time, publish_time] = [times.log_ns, times.publish_ns].map(|time_ns| self.clock.unix_ns(time_ns));
+        let header = MessageHeader { channel_id: id, sequence, log_time, publish_time };
         self.mcap.message(&header, content).map_err(RecordingProblem::Unwritable)
     }
 
@@ -136,7 +140,7 @@ impl RecordingWriter {
         time_ns: u64,
     ) -> Result<(), RecordingProblem> {
         self.require_space(data.len())?;
-        let attachment = Attachment { time_ns, name, media_type, data };
+        let attachment = Attachment { time_ns: self.clock.unix_ns(time_ns), name, media_type, data };
         self.mcap.attach(&attachment).map_err(RecordingProblem::Unwritable)
     }
 

@@ -73,8 +73,8 @@ fn a_recomputed_cloud_is_equal_to_the_last_byte() {
     assert!(recording.cloud(0).unwrap().unwrap().points.len() > 100);
     assert!(recording.cloud(1).unwrap().is_none());
     let check = recording.check(|| ()).unwrap();
-    assert_eq!((check.clouds, check.clouds_without_images, check.fault_count), (1, 0, 0));
-    assert!(!check.has_losses(), "{check:?}");
+    assert_eq!((check.clouds, check.losses.clouds_without_images, check.fault_count), (1, 0, 0));
+    assert!(check.losses.is_empty(), "{check:?}");
 }
 
 #[test]
@@ -90,15 +90,15 @@ fn missing_images_are_a_loss_unless_they_are_older_than_the_recording() {
     let recording = with_cloud(&folder, |header, _| header.window.cam2_sequence[2] = 17);
     assert_eq!(outcome(&recording), VerifyOutcome::ImagesMissing);
     let check = recording.check(|| ()).unwrap();
-    assert_eq!(check.clouds_without_images, 1);
-    assert!(check.has_losses());
+    assert_eq!(check.losses.clouds_without_images, 1);
+    assert!(!check.losses.is_empty());
     let folder = tempfile::tempdir().unwrap();
     let recording = with_cloud(&folder, |header, _| {
         header.window.cam1_session = 9;
         header.window.first_exposure_ns = 900_000_000;
     });
     assert_eq!(outcome(&recording), VerifyOutcome::BeforeRecording);
-    assert!(!recording.check(|| ()).unwrap().has_losses());
+    assert!(recording.losses().unwrap().is_empty());
 }
 
 #[test]

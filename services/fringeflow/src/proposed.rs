@@ -1,5 +1,6 @@
 //! The proposed method (PA) on a dataset folder or a recording, as `reconstruct` and `evaluate` run it.
 
+use std::io::Write as _;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -278,6 +279,15 @@ impl MeasuringArgs {
     /// The settings of the file, or else those of the input, changed by the other options.
     pub(crate) fn configuration(&self, input: &Input) -> Result<Configuration, Failure> {
         let mut configuration = read_configuration(self.config.as_deref(), input)?;
+        if let Some(file) = self.config.as_deref().filter(|_| is_recorded(&configuration, input)) {
+            // A failure is ignored: the note has no other place, and the result is right without it.
+            let _ = writeln!(
+                std::io::stderr(),
+                "fringeflow: --config {} changes nothing: its settings equal those of {}",
+                file.display(),
+                input.path().display()
+            );
+        }
         if let Some(method) = self.resolution {
             configuration.settings.matching.method = method;
         }
@@ -353,6 +363,15 @@ pub(crate) struct Geometry<'a> {
     pub(crate) rig: &'a Rig,
     pub(crate) volume: &'a MeasurementVolume,
     pub(crate) pattern: &'a FringePattern,
+}
+
+/// Whether a recording was made with settings that measure the same.
+fn is_recorded(configuration: &Configuration, input: &Input) -> bool {
+    let measuring = |c: &Configuration| {
+        (c.settings, c.volume.or(input.setup().volume), c.health.clone(), c.tracking.takes_priors())
+    };
+    let recorded = || input.configuration().ok();
+    matches!(input, Input::Recording(..)) && recorded().is_some_and(|r| measuring(&r) == measuring(configuration))
 }
 
 /// Reads the settings of a file, or else those of the input.

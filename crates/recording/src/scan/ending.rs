@@ -53,7 +53,6 @@ impl Scan<'_, '_> {
         })();
         let (messages, [attachments, metadata, chunks], channels) =
             parts.ok_or_else(|| damaged(start, "the statistics are truncated"))?;
-        self.contents.has_statistics = true;
         if !self.scanned.faults.is_empty() {
             return Ok(());
         }
@@ -96,11 +95,8 @@ impl Scan<'_, '_> {
         computed.update(&[op::FOOTER]);
         computed.update(&(body.len() as u64).to_le_bytes());
         computed.update(body.get(..16).unwrap_or_default());
-        self.check_crc(start, crc, computed, "the summary")?;
-        if crc != 0 && !self.contents.has_statistics {
-            return Err(damaged(start, "the summary has no statistics"));
-        }
-        Ok(())
+        self.contents.has_footer = true;
+        self.check_crc(start, crc, computed, "the summary")
     }
 
     /// Checks the last bytes of the file.
@@ -110,9 +106,15 @@ impl Scan<'_, '_> {
         if !reader.fill(&mut magic)? {
             return Err(RecordingProblem::Unfinished { offset: reader.bytes, within: "within its last bytes" });
         }
-        if magic != *MAGIC || reader.offset != reader.bytes {
+        if magic != *MAGIC {
             return Err(damaged(start, "the last bytes are not those of an MCAP file"));
         }
-        Ok(())
+        let (end, rest) = (reader.offset, reader.bytes - reader.offset);
+        if rest == 0 {
+            return Ok(());
+        }
+        let is_recording = reader.fill(&mut magic)? && magic == *MAGIC;
+        let what = if is_recording { "another MCAP file" } else { "other data" };
+        Err(damaged(end, format!("the recording ends here, but {rest} bytes of {what} follow it; they are not read")))
     }
 }

@@ -5,12 +5,12 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
 use mcap::records::op;
 
-use super::chunk::{CHUNK_HEAD_BYTES, chunk_records, looks_like_chunk};
+use super::chunk::{CHUNK_HEAD_BYTES, MAX_NAME_BYTES, chunk_records, looks_like_chunk};
 use super::fault::damaged;
 use crate::RecordingProblem;
 
 /// Size of the opcode and length before each record, bytes.
-pub(super) const RECORD_HEAD_BYTES: u64 = 9;
+pub(crate) const RECORD_HEAD_BYTES: u64 = 9;
 /// Maximum size of one record.
 const MAX_RECORD_BYTES: u64 = 1 << 30;
 /// Number of bytes searched at a time for the next intact chunk.
@@ -39,6 +39,14 @@ impl<'f> Reader<'f> {
     fn seek(&mut self, offset: u64) -> Result<(), RecordingProblem> {
         self.offset = offset;
         self.file.seek(SeekFrom::Start(offset)).map(drop).map_err(RecordingProblem::Unreadable)
+    }
+
+    /// Returns the first bytes of the file, at most `bytes`, and stays at its start.
+    pub(super) fn start(&mut self, bytes: usize) -> Result<Vec<u8>, RecordingProblem> {
+        let mut start = Vec::new();
+        (&mut self.file).take(bytes as u64).read_to_end(&mut start).map_err(RecordingProblem::Unreadable)?;
+        self.seek(0)?;
+        Ok(start)
     }
 
     /// Fills a buffer. Returns `false` if the file ends before.
@@ -111,14 +119,17 @@ impl<'f> Reader<'f> {
             let mut next = (&mut self.file).take(SEARCH_BYTES as u64);
             next.read_to_end(&mut window).map_err(RecordingProblem::Unreadable)?;
             let head = (RECORD_HEAD_BYTES + CHUNK_HEAD_BYTES) as usize;
-            for (i, candidate) in window.windows(head).enumerate() {
+            for i in 0..window.len().saturating_sub(head) + 1 {
+                let candidate = window.get(i..).unwrap_or_default();
                 if looks_like_chunk(candidate) && self.is_intact_chunk(start + i as u64, body)? {
                     self.seek(start + i as u64)?;
                     return Ok(true);
                 }
             }
-            // The searched blocks overlap by the head of a chunk, so that no chunk is missed.
-            start += (window.len().max(head) - head + 1) as u64;
+            // The searched blocks overlap by the longest head of a chunk, so that no chunk is missed.
+            let longest = head + MAX_NAME_BYTES as usize;
+            let is_last = start + window.len() as u64 >= self.bytes;
+            start += if is_last { window.len() } else { window.len().max(longest) - longest + 1 } as u64;
         }
         Ok(false)
     }
@@ -128,7 +139,7 @@ impl<'f> Reader<'f> {
         let Ok((op::CHUNK, length)) = self.head() else { return Ok(false) };
         match self.body(length, body) {
             Err(problem @ RecordingProblem::Unreadable(_)) => Err(problem),
-            read => Ok(read.is_ok() && chunk_records(body, offset).is_ok_and(|(_, is_checked)| is_checked)),
+            read => Ok(read.is_ok() && chunk_records(body, offset).is_ok_and(|records| records.is_checked)),
         }
     }
 }

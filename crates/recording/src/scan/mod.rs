@@ -1,17 +1,21 @@
 //! Scans an MCAP file from start to end.
 //!
-//! In: a file. Out: its messages, attachments and metadata, each with its offset, and the faults of the file. A strict
+//! In: a file. Out: its messages, attachments and metadata, each with its place, and the faults of the file. A strict
 //! scan stops at the first fault. A tolerant scan continues at the next chunk with a correct checksum. The scan checks
-//! all checksums and the statistics at the end. Memory: the largest record.
+//! all checksums and the statistics at the end, as far as the file has them: MCAP leaves them, the indexes and the whole
+//! summary to its writer. Memory: the largest record, and the largest chunk unpacked.
 //!
-//! The readers of the `mcap` crate are not used: they stop at the first fault, report no byte offsets, and panic on
-//! some damaged records.
+//! The readers of the `mcap` crate are not used: they stop at the first fault, report no byte offsets, allocate what a
+//! compressed chunk states, and panic on some damaged records.
 
+mod channels;
 mod chunk;
 mod ending;
 mod fault;
 mod file;
+mod magic;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 
@@ -19,11 +23,15 @@ use mcap::MAGIC;
 use mcap::records::op;
 
 use crate::fields::Fields;
+use crate::place::Place;
 use crate::recordable::Times;
-use crate::{RecordingProblem, Topic};
-use chunk::chunk_records;
+use crate::{LIBRARY, PROFILE, RecordingProblem, Topic};
+use channels::Channels;
+pub(super) use chunk::chunk_records;
 use fault::damaged;
-use file::{RECORD_HEAD_BYTES, Reader};
+pub(super) use file::RECORD_HEAD_BYTES;
+use file::Reader;
+use magic::check_magic;
 
 /// First opcode of private records, which other programs may add.
 const PRIVATE: u8 = 0x80;
@@ -41,7 +49,7 @@ pub(super) enum ScanMode {
 #[derive(Debug)]
 pub(super) enum Found<'a> {
     Message(FoundMessage<'a>),
-    Attachment { name: &'a str, media_type: &'a str, data: &'a [u8], log_ns: u64, offset: u64 },
+    Attachment { name: &'a str, media_type: &'a str, data: &'a [u8], log_ns: u64, place: Place },
     Metadata { name: &'a str, entries: BTreeMap<String, String> },
 }
 
@@ -52,8 +60,8 @@ pub(super) struct FoundMessage<'a> {
     pub(super) sequence: u32,
     pub(super) times: Times,
     pub(super) data: &'a [u8],
-    /// Start of the data in the file.
-    pub(super) offset: u64,
+    /// Place of the data.
+    pub(super) place: Place,
 }
 
 /// Result of a scan, in addition to the items found.
@@ -61,7 +69,17 @@ pub(super) struct FoundMessage<'a> {
 pub(super) struct Scanned {
     /// Faults of the file; empty after a strict scan.
     pub(super) faults: Vec<RecordingProblem>,
-    /// Messages of unknown topics, by name.
+    /// Whether a fault is in the data. Faults of the summary lose nothing.
+    pub(super) has_data_fault: bool,
+    /// Profile that the file states.
+    profile: String,
+    /// Library that wrote the file.
+    pub(super) library: String,
+    /// Channels of the file, described by topic, schema and encoding.
+    pub(super) channels: Vec<String>,
+    /// Whether anything but attachments and metadata tells that Fringeflow made the recording: its profile or a schema.
+    pub(super) is_of_fringeflow: bool,
+    /// Messages of channels that are not Fringeflow's, by topic.
     pub(super) foreign_messages: BTreeMap<String, u64>,
     /// Size of the file, bytes.
     pub(super) bytes: u64,
@@ -75,31 +93,37 @@ pub(super) fn scan(file: &File, mode: ScanMode, visit: &mut Visit<'_>) -> Result
     let mut reader = Reader::new(file)?;
     let mut scan =
         Scan { contents: Contents::default(), visit, scanned: Scanned { bytes: reader.bytes, ..Scanned::default() } };
-    let mut magic = [0; MAGIC.len()];
-    if !reader.fill(&mut magic)? || magic != *MAGIC {
-        return Err(RecordingProblem::NotMcap);
-    }
+    check_magic(&mut reader)?;
     let mut body = Vec::new();
     loop {
         let start = reader.offset;
         reader.has_whole_record = false;
         match scan.step(&mut reader, &mut body) {
             Ok(true) => {}
-            Ok(false) => return Ok(scan.scanned),
+            Ok(false) => break,
             Err(ScanError::Visitor(problem) | ScanError::Fault(problem @ RecordingProblem::Unreadable(_))) => {
                 return Err(problem);
             }
             Err(ScanError::Fault(problem)) if mode == ScanMode::Strict => return Err(problem),
             Err(ScanError::Fault(problem)) => {
                 scan.scanned.faults.push(problem);
-                // If the faulty record has a plausible length, continue with the record after it. Otherwise search for
-                // the next chunk.
-                if !(reader.is_at_record()? || reader.find_chunk(start + 1, &mut body)?) {
-                    return Ok(scan.scanned);
+                // More than the last bytes after the footer are data of another recording.
+                let has_more = scan.contents.has_footer && reader.bytes - reader.offset > MAGIC.len() as u64;
+                scan.scanned.has_data_fault |= !scan.contents.has_ended || has_more;
+                // Nothing after the footer belongs to this recording. If the faulty record has a plausible length,
+                // continue with the record after it. Otherwise search for the next chunk.
+                let has_next =
+                    !scan.contents.has_footer && (reader.is_at_record()? || reader.find_chunk(start + 1, &mut body)?);
+                if !has_next {
+                    break;
                 }
             }
         }
     }
+    let Scan { contents, mut scanned, .. } = scan;
+    scanned.channels = contents.channels.descriptions();
+    scanned.is_of_fringeflow = contents.channels.has_own() || scanned.profile == PROFILE;
+    Ok(scanned)
 }
 
 /// Why a step of a scan failed.
@@ -119,14 +143,15 @@ impl From<RecordingProblem> for ScanError {
 /// Contents of the file so far, to compare with the statistics at the end.
 #[derive(Debug, Default)]
 struct Contents {
-    topics: BTreeMap<u16, Option<Topic>>,
-    names: BTreeMap<u16, String>,
+    channels: Channels,
     messages: BTreeMap<u16, u64>,
     attachments: u32,
     metadata: u32,
     chunks: u32,
+    /// Whether the end of the data was read.
     has_ended: bool,
-    has_statistics: bool,
+    /// Whether the last record of the file was read.
+    has_footer: bool,
 }
 
 struct Scan<'v, 'w> {
@@ -159,66 +184,86 @@ impl Scan<'_, '_> {
             op::CHUNK => self.chunk(start, body)?,
             op::ATTACHMENT => self.attachment(start, body)?,
             op::METADATA => self.metadata(start, body)?,
-            op::HEADER | op::MESSAGE_INDEX => {}
-            _ => self.record(opcode, start, start + RECORD_HEAD_BYTES, body)?,
+            op::HEADER => self.header(start, body)?,
+            op::MESSAGE_INDEX => {}
+            _ => {
+                let place = Place { offset: start + RECORD_HEAD_BYTES, within: None, bytes: body.len() };
+                self.record(opcode, start, place, body)?;
+            }
         }
         Ok(true)
     }
 
     fn chunk(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {
-        let (records, _) = chunk_records(body, start)?;
+        let records = chunk_records(body, start)?.bytes;
         self.contents.chunks += 1;
-        let first_offset = start + RECORD_HEAD_BYTES + (body.len() - records.len()) as u64;
-        let mut fields = Fields(records);
+        let whole = match &records {
+            Cow::Borrowed(records) => {
+                Place { offset: start + RECORD_HEAD_BYTES, within: None, bytes: body.len() }.end(records.len())
+            }
+            Cow::Owned(records) => Place { offset: start, within: Some(0), bytes: records.len() },
+        };
+        let mut fields = Fields(&records);
         while !fields.0.is_empty() {
-            let offset = first_offset + (records.len() - fields.0.len()) as u64;
+            let offset = whole.end(fields.0.len()).offset;
             let truncated = || damaged(offset, "a record in a chunk states more bytes than the chunk has");
             let opcode = fields.u8().ok_or_else(truncated)?;
             let length = fields.length().ok_or_else(truncated)?;
             let data = fields.bytes(length).ok_or_else(truncated)?;
-            self.record(opcode, offset, offset + RECORD_HEAD_BYTES, data)?;
+            self.record(opcode, offset, whole.end(fields.0.len() + length).start(length), data)?;
         }
         Ok(())
     }
 
-    /// Reads a record inside or outside of a chunk.
-    fn record(&mut self, opcode: u8, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
+    /// Reads a record inside or outside of a chunk. `start` is its offset, or that of its compressed chunk.
+    fn record(&mut self, opcode: u8, start: u64, place: Place, body: &[u8]) -> Result<(), ScanError> {
         match opcode {
-            op::SCHEMA => Ok(()),
-            op::CHANNEL => Ok(self.channel(body).ok_or_else(|| damaged(start, "a channel is truncated"))?),
-            op::MESSAGE => self.message(start, body_offset, body),
+            op::SCHEMA => {
+                Ok(self.contents.channels.add_schema(body).ok_or_else(|| damaged(start, "a schema is truncated"))?)
+            }
+            op::CHANNEL => {
+                Ok(self.contents.channels.add(body).ok_or_else(|| damaged(start, "a channel is truncated"))?)
+            }
+            op::MESSAGE => self.message(start, place, body),
             PRIVATE.. => Ok(()),
             _ => Err(damaged(start, format!("a record has the unknown code {opcode:#04x}")).into()),
         }
     }
 
-    fn channel(&mut self, body: &[u8]) -> Option<()> {
+    fn header(&mut self, start: u64, body: &[u8]) -> Result<(), RecordingProblem> {
         let mut fields = Fields(body);
-        let (id, _schema, name) = (fields.u16()?, fields.u16()?, fields.string()?);
-        self.contents.topics.insert(id, Topic::from_name(name));
-        self.contents.names.insert(id, name.to_owned());
-        Some(())
+        let parts = (|| Some((fields.string()?, fields.string()?)))();
+        let (profile, library) = parts.ok_or_else(|| damaged(start, "the header is truncated"))?;
+        (self.scanned.profile, self.scanned.library) = (profile.to_owned(), library.to_owned());
+        Ok(())
     }
 
-    fn message(&mut self, start: u64, body_offset: u64, body: &[u8]) -> Result<(), ScanError> {
+    fn message(&mut self, start: u64, place: Place, body: &[u8]) -> Result<(), ScanError> {
         let mut fields = Fields(body);
         let head = (|| Some((fields.u16()?, fields.u32()?, fields.u64()?, fields.u64()?)))();
         let (id, sequence, log_ns, publish_ns) = head.ok_or_else(|| damaged(start, "a message is truncated"))?;
         *self.contents.messages.entry(id).or_default() += 1;
-        let topic = match self.contents.topics.get(&id) {
-            Some(topic) => *topic,
-            // The channel record was lost with a damaged chunk, but the channels of the known topics are fixed.
-            None if !self.scanned.faults.is_empty() => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id),
-            None => return Err(damaged(start, format!("a message is of the unknown channel {id}")).into()),
+        let known = self.contents.channels.get(id).map(|channel| (channel.topic, channel.name.as_str()));
+        let topic = match known {
+            Some((topic, _)) => topic,
+            None if self.scanned.faults.is_empty() => {
+                return Err(damaged(start, format!("a message is of the unknown channel {id}")).into());
+            }
+            // The channel record was lost with a damaged chunk, but Fringeflow gives its topics fixed channels.
+            None => Topic::ALL.into_iter().find(|topic| topic.channel_id() == id && self.is_written_by_fringeflow()),
         };
         let Some(topic) = topic else {
-            let name = self.contents.names.get(&id).cloned().unwrap_or_else(|| format!("channel {id}"));
+            let name =
+                known.map_or_else(|| format!("channel {id} (its description was lost)"), |(_, name)| name.to_owned());
             *self.scanned.foreign_messages.entry(name).or_default() += 1;
             return Ok(());
         };
-        let offset = body_offset + (body.len() - fields.0.len()) as u64;
-        let times = Times { log_ns, publish_ns };
-        self.found(Found::Message(FoundMessage { topic, sequence, times, data: fields.0, offset }))
+        let (times, place) = (Times { log_ns, publish_ns }, place.end(fields.0.len()));
+        self.found(Found::Message(FoundMessage { topic, sequence, times, data: fields.0, place }))
+    }
+
+    fn is_written_by_fringeflow(&self) -> bool {
+        self.scanned.library.starts_with(LIBRARY)
     }
 
     fn found(&mut self, found: Found<'_>) -> Result<(), ScanError> {
@@ -241,7 +286,8 @@ impl Scan<'_, '_> {
         }
         self.contents.attachments += 1;
         let offset = start + RECORD_HEAD_BYTES + (body.len() - 4 - data.len()) as u64;
-        self.found(Found::Attachment { name, media_type, data, log_ns, offset })
+        let place = Place { offset, within: None, bytes: data.len() };
+        self.found(Found::Attachment { name, media_type, data, log_ns, place })
     }
 
     fn metadata(&mut self, start: u64, body: &[u8]) -> Result<(), ScanError> {

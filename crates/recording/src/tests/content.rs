@@ -24,7 +24,10 @@ fn non_finite_numbers_and_gaps_are_found() {
     recorder.push(&Recordable::Pattern(&pattern()));
     recorder.push(&Recordable::Pattern(&PatternEvent { sequence: 35, step: 4, ..pattern() }));
     let check = finished(recorder).check(|| ()).unwrap();
-    assert_eq!((check.missing_images, check.repeated_images, check.missing_patterns), ([2, 0], [1, 0], 3));
+    assert_eq!(
+        (check.losses.missing_images, check.repeated_images, check.losses.missing_patterns),
+        ([2, 0], [1, 0], 3)
+    );
     assert_eq!(check.fault_count, 1);
     assert!(check.faults[0].contains("step is 4"), "{:?}", check.faults);
 }
@@ -61,7 +64,7 @@ fn a_summary_names_topics_rates_marks_and_losses() {
     assert!((frames.rate_hz.unwrap() - 50.0).abs() < 1e-9);
     assert_eq!(summary.marks, [Remark { time_s: 0.05, text: "left side".to_owned() }]);
     assert_eq!(summary.stages[0].dropped, [("overrun", 2), ("unpaired", 7)].into());
-    assert!((summary.duration_s - 0.08).abs() < 1e-9 && summary.lost == Some(0));
+    assert!((summary.duration_s - 0.08).abs() < 1e-9 && summary.missing.lost == Some(0));
 }
 
 #[test]
@@ -78,7 +81,7 @@ fn numbers_at_their_limits_are_counted_without_overflow() {
     }
     let recording = finished(recorder);
     let check = recording.check(|| ()).unwrap();
-    assert_eq!((check.missing_images[0], check.missing_patterns), (u64::MAX, u64::MAX));
+    assert_eq!((check.losses.missing_images[0], check.losses.missing_patterns), (u64::MAX, u64::MAX));
     assert!(recording.pairs().unwrap().is_empty());
     assert!(recording.summary().unwrap().duration_s > 1e9);
 }

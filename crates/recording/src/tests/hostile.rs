@@ -57,7 +57,7 @@ fn a_file_truncated_at_any_position_is_unfinished() {
         std::fs::write(&path, &intact[..end]).unwrap();
         let problem = problem(&path);
         let is_as_expected = match problem {
-            RecordingProblem::NotMcap => end < 8,
+            RecordingProblem::NotMcap { .. } => end == 0,
             RecordingProblem::Unfinished { offset, .. } => offset == end as u64,
             _ => false,
         };
@@ -82,12 +82,12 @@ fn format(version: &str) -> BTreeMap<String, String> {
 #[test]
 fn a_newer_format_is_refused_first() {
     let folder = Folder::new();
-    let path = recording_of(&folder, |writer| writer.metadata(METADATA, &format("2")).unwrap());
+    let path = recording_of(&folder, |writer| writer.metadata(METADATA, &format("3")).unwrap());
     let message = Recording::open(&path).unwrap_err().to_string();
-    assert!(message.contains("format version 2") && message.contains("9.9.9"), "{message}");
+    assert!(message.contains("format version 3") && message.contains("9.9.9"), "{message}");
     assert!(message.contains("update fringeflow"), "{message}");
     let error = recover(&path, &folder.path("saved.mcap"), 0).unwrap_err();
-    assert!(matches!(error.problem, RecordingProblem::NewerFormat { found: 2, .. }), "{error}");
+    assert!(matches!(error.problem, RecordingProblem::NewerFormat { found: 3, .. }), "{error}");
     assert_eq!(folder.names(), ["made.mcap"]);
 }
 
@@ -161,10 +161,26 @@ fn too_long_records_are_refused_without_allocation() {
 fn other_files_are_not_recordings() {
     let folder = Folder::new();
     let path = folder.path("text.mcap");
-    for bytes in [&b""[..], b"ply\nformat", &[0; 64]] {
+    let files = [
+        (&b""[..], "empty"),
+        (b"hello\n", "a text"),
+        (b"ply\nformat", "a PLY file"),
+        (b"\x1f\x8b\x08\0", "a gzip file; unpack it first"),
+        (b"\x28\xb5\x2f\xfd\0", "a zstd file; unpack it first"),
+        (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+        (&[0; 64], "begins with zeros"),
+    ];
+    for (bytes, kind) in files {
         std::fs::write(&path, bytes).unwrap();
-        assert!(matches!(problem(&path), RecordingProblem::NotMcap));
+        let message = Recording::open(&path).unwrap_err().to_string();
+        assert!(message.contains("is not an MCAP file, but") && message.contains(kind), "{message}");
+        let error = recover(&path, &folder.path("saved.mcap"), 0).unwrap_err();
+        assert!(matches!(error.problem, RecordingProblem::NotMcap { .. }), "{error}");
+        assert_eq!(folder.names(), ["text.mcap"]);
     }
     assert!(matches!(problem(&folder.path("nowhere.mcap")), RecordingProblem::Unreadable(_)));
-    assert!(matches!(problem(folder.folder.path()), RecordingProblem::Unreadable(_) | RecordingProblem::NotMcap));
+    assert!(matches!(
+        problem(folder.folder.path()),
+        RecordingProblem::Unreadable(_) | RecordingProblem::NotMcap { .. }
+    ));
 }

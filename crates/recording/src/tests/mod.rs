@@ -5,8 +5,10 @@ mod hostile;
 mod plane;
 mod recorder;
 mod recovery;
+mod rewritten;
 mod round_trip;
 mod schema;
+mod wall_clock;
 
 use std::path::{Path, PathBuf};
 

@@ -73,7 +73,7 @@ fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) 
         writeln!(out, "{:>8}  {:<20}{rate}", topic.messages, topic.topic)?;
     }
     for (topic, messages) in &s.foreign {
-        writeln!(out, "{messages:>8}  {topic:<20} (unknown)")?;
+        writeln!(out, "{messages:>8}  {topic:<20} (not of Fringeflow, not read)")?;
     }
     writeln!(out, "{} points in all clouds", s.points)?;
     for mark in &s.marks {
@@ -89,8 +89,5 @@ fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) 
     if !health.is_empty() {
         writeln!(out, "{health}")?;
     }
-    match s.lost {
-        Some(lost) => writeln!(out, "lost by the recorder: {lost} messages"),
-        None => writeln!(out, "lost by the recorder: unknown, the recorder was not shut down properly"),
-    }
+    writeln!(out, "lost: {}", s.missing)
 }

@@ -33,14 +33,17 @@ impl Args {
         } else {
             self.print(&recovered)?;
         }
-        if recovered.missing.is_empty() {
+        let file = self.output.display();
+        if !recovered.missing.is_empty() {
+            let missing = recovered.missing.join(", ");
+            return Err(Failure::Losses(format!(
+                "{file}: the recording has no {missing}, so no cloud can be computed from it"
+            )));
+        }
+        if !recovered.has_losses() {
             return Ok(());
         }
-        let missing = recovered.missing.join(", ");
-        Err(Failure::Losses(format!(
-            "{}: the recording has no {missing}, so no cloud can be computed from it",
-            self.output.display()
-        )))
+        Err(Failure::Losses(format!("{file}: the file is whole, but the recording lacks: {}", recovered.lacks())))
     }
 
     fn print(&self, recovered: &Recovered) -> Result<(), Failure> {
@@ -53,10 +56,13 @@ impl Args {
             writeln!(out, "fault: {fault}")?;
         }
         for (topic, count) in &recovered.foreign {
-            writeln!(out, "left out: {count} messages of the unknown topic {topic}")?;
+            writeln!(out, "left out: {count} messages of {topic}, which Fringeflow does not read")?;
         }
         if recovered.left_out > 0 {
             writeln!(out, "left out: {} messages that are invalid or incomplete", recovered.left_out)?;
+        }
+        if let Some(losses) = &recovered.losses {
+            writeln!(out, "lost: {losses}")?;
         }
         Ok(())
     }

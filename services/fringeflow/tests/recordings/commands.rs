@@ -119,3 +119,74 @@ fn a_damaged_recording_is_refused_with_the_position_of_the_damage() {
     assert_exit(&fringeflow(&[&"reconstruct", &damaged, &"-o", &cloud]), 2, &["damaged at byte"]);
     assert!(!cloud.exists());
 }
+
+/// Returns the line of the output that says what was lost.
+#[track_caller]
+fn lost_line(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let mut lines = text.lines().filter(|line| line.starts_with("lost: "));
+    let line = lines.next().unwrap_or_else(|| panic!("no line says what was lost: {text}")).to_owned();
+    assert_eq!(lines.next(), None, "{text}");
+    line
+}
+
+#[test]
+fn info_check_and_recover_say_the_same_about_losses() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings/cycle.mcap");
+    let saved = folder.path().join("whole.mcap");
+    assert_eq!(lost_line(&run_ok(&[&"recover", &recording, &"-o", &saved])), "lost: nothing");
+    assert_eq!(lost_line(&run_ok(&[&"info", &saved])), "lost: nothing");
+    assert_eq!(lost_line(&run_ok(&[&"check", &saved])), "lost: nothing");
+
+    // A damaged chunk, and a file without its end.
+    let bytes = std::fs::read(&recording).unwrap();
+    let middle = bytes.len() / 2;
+    let mut altered = bytes.clone();
+    altered[middle] ^= 1;
+    for (name, bytes, says) in
+        [("altered", &altered[..], "of the recorder, "), ("cut", &bytes[..middle], "unknown how many")]
+    {
+        let [damaged, saved] = [".part", ".mcap"].map(|end| folder.path().join(format!("{name}{end}")));
+        std::fs::write(&damaged, bytes).unwrap();
+        let recovered = fringeflow(&[&"recover", &damaged, &"-o", &saved]);
+        let lost = lost_line(&recovered);
+        let sentence = lost.replace("lost: ", "the recording lacks: ");
+        assert!(lost.contains(says), "{lost}");
+        assert_exit(&recovered, 3, &[&sentence]);
+        let checked = fringeflow(&[&"check", &saved]);
+        assert_exit(&checked, 3, &[&sentence]);
+        assert_eq!([lost_line(&checked), lost_line(&run_ok(&[&"info", &saved]))], [lost.clone(), lost]);
+    }
+}
+
+#[test]
+fn settings_that_equal_the_recorded_ones_are_said_to_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let recording = root.join("recordings/cycle.mcap");
+    let cloud = folder.path().join("cloud.ply");
+    let note = |config: &Path| {
+        let output = run_ok(&[&"reconstruct", &recording, &"--config", &config, &"-o", &cloud]);
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let text = note(&root.join("configs/reconstruct.toml"));
+    assert!(text.contains("reconstruct.toml changes nothing") && text.contains("cycle.mcap"), "{text}");
+    let other = folder.path().join("other.toml");
+    std::fs::write(&other, "[phase]\nmin_modulation_grey = 7.0\n").unwrap();
+    assert_eq!(note(&other), "");
+}
+
+#[test]
+fn files_of_other_programs_are_named_and_not_called_damaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, saved] = ["other.mcap", "saved.mcap"].map(|name| folder.path().join(name));
+    for (bytes, says) in [(&b""[..], "empty"), (b"hello\n", "a text"), (b"\x1f\x8b\x08\0\0", "a gzip file")] {
+        std::fs::write(&file, bytes).unwrap();
+        for command in ["info", "check"] {
+            assert_exit(&fringeflow(&[&command, &file]), 2, &["other.mcap", "is not an MCAP file, but", says]);
+        }
+        assert_exit(&fringeflow(&[&"recover", &file, &"-o", &saved]), 2, &["is not an MCAP file, but", says]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -49,7 +49,7 @@ fn python_reads_the_images_steps_and_attachments_of_an_imported_dataset() {
     for name in [CALIBRATION_FILE, META_FILE, TRUTH_FILE] {
         assert_eq!(read["attachments"][name], sha256(&std::fs::read(dataset().join(name)).unwrap()), "{name}");
     }
-    assert_eq!(read["metadata"]["fringeflow"]["format"], "1");
+    assert_eq!(read["metadata"]["fringeflow"]["format"], "2");
     assert_eq!(read["metadata"]["fringeflow.recorder"]["written"], "12");
 }
 
@@ -94,4 +94,6 @@ fn python_reads_the_fields_of_clouds_reports_and_marks() {
     assert_eq!(*values(&read, "/cloud/header")[0], serde_json::json!([5, [8, 9, 6, 7], 0.03125]));
     assert_eq!(*values(&read, "/report/stage")[0], serde_json::json!(["phase", 12, { "next_stage_busy": 3 }]));
     assert_eq!(*values(&read, "/log")[0], serde_json::json!(["mark", "chin"]));
+    // Python sees the time of the wall clock.
+    assert_eq!(read["topics"]["/log"][0][0], 9 + origin.started_unix_ns - origin.started_ns);
 }

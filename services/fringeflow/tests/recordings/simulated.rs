@@ -147,7 +147,10 @@ fn faults_leave_missing_and_repeated_images_and_correct_poses_and_steps() {
         "[virtual_scanner.faults]\nlost = 0.1\nswapped = 0.1\nlate = 0.1\nduplicated = 0.1\nevents_lost = 0.1\n";
     let recording = record(&folder, faults);
     let check = recording.check(|| ()).unwrap();
-    assert!(check.missing_images.iter().sum::<u64>() > 0 && check.repeated_images.iter().sum::<u64>() > 0, "{check:?}");
+    assert!(
+        check.losses.missing_images.iter().sum::<u64>() > 0 && check.repeated_images.iter().sum::<u64>() > 0,
+        "{check:?}"
+    );
     assert_eq!(check.fault_count, 0, "{check:?}");
     let scanner = virtual_scanner(&folder);
     let poses = recording.truth_poses().unwrap();

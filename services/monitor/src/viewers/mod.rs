@@ -11,7 +11,7 @@ use std::sync::Arc;
 use foxglove::{ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel};
 
 use fringeflow_dataset::Setup;
-use fringeflow_recording::{Encoded, Recordable, Topic, static_messages};
+use fringeflow_recording::{Encoded, Recordable, Topic, WallClock, static_messages};
 
 pub(crate) use proxy::serve;
 
@@ -46,6 +46,8 @@ pub(crate) struct Viewers {
     context: Arc<Context>,
     channels: BTreeMap<Topic, Arc<RawChannel>>,
     encoded: Encoded,
+    /// Viewers show times since 1970.
+    clock: WallClock,
     /// Time of the last static messages.
     static_sent_ns: u64,
 }
@@ -58,7 +60,7 @@ impl Viewers {
             Ok((topic, channel.schema(topic.schema()).build_raw()?))
         };
         let channels = TOPICS.into_iter().map(channel).collect::<Result<_, FoxgloveError>>()?;
-        Ok(Self { context, channels, encoded: Encoded::default(), static_sent_ns: 0 })
+        Ok(Self { context, channels, encoded: Encoded::default(), clock: WallClock::here(), static_sent_ns: 0 })
     }
 
     pub(crate) fn context(&self) -> &Arc<Context> {
@@ -74,9 +76,9 @@ impl Viewers {
     /// Sends a message to the viewers that have subscribed to its topic.
     pub(crate) fn send(&mut self, message: &Recordable<'_>) {
         let Some(topic) = message.topic().filter(|&topic| self.is_wanted(topic)) else { return };
-        message.encode(&mut self.encoded);
+        message.encode(self.clock, &mut self.encoded);
         for (topic, bytes) in self.encoded.parts(topic) {
-            self.send_bytes(topic, bytes, message.log_ns());
+            self.send_bytes(topic, bytes, self.clock.unix_ns(message.log_ns()));
         }
     }
 
@@ -90,15 +92,16 @@ impl Viewers {
             .into_iter()
             .any(|topic| self.is_wanted(topic))
         {
-            for (topic, bytes) in static_messages(setup, now_ns) {
-                self.send_bytes(topic, &bytes, now_ns);
+            let unix_ns = self.clock.unix_ns(now_ns);
+            for (topic, bytes) in static_messages(setup, unix_ns) {
+                self.send_bytes(topic, &bytes, unix_ns);
             }
         }
     }
 
-    fn send_bytes(&self, topic: Topic, bytes: &[u8], log_ns: u64) {
+    fn send_bytes(&self, topic: Topic, bytes: &[u8], unix_ns: u64) {
         if let Some(channel) = self.channels.get(&topic) {
-            channel.log_with_meta(bytes, PartialMetadata { log_time: Some(log_ns) });
+            channel.log_with_meta(bytes, PartialMetadata { log_time: Some(unix_ns) });
         }
     }
 }

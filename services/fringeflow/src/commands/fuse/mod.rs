@@ -1,5 +1,6 @@
 //! `fringeflow fuse`: tracks the clouds of a moving scanner and fuses them into one model.
 
+mod pair_use;
 mod scan;
 mod summary;
 mod trajectory;
@@ -23,6 +24,7 @@ use crate::json;
 use crate::proposed::{Images, MeasuringArgs, parse_range};
 use crate::values::unit;
 
+use pair_use::PairUse;
 use scan::Scan;
 use summary::Summary;
 
@@ -81,7 +83,7 @@ impl Args {
         self.check_outputs()?;
         let input = Input::open(&self.input, None)?;
         let configuration = self.measuring.configuration(&input)?;
-        let windows = self.windows(&input, &configuration)?;
+        let (windows, pairs) = self.windows(&input, &configuration)?;
         let settings = FusionSettings { min_support: self.min_support, ..FusionSettings::default() };
         let tracker = Tracker::new(input.setup().rig.cam1, settings);
         let reconstructor = self.measuring.reconstructor(&input, &windows[0], &configuration)?;
@@ -98,7 +100,7 @@ impl Args {
         let export = CloudExport { unit: self.units, dataset: &input.setup().name };
         let surfels = write_model(&self.output, tracker.model(), self.min_support, &export)?;
         let truth = trajectory_errors::against_truth(&input, &scan, tracker)?;
-        let summary = Summary::new(&self.output, &scan, tracker, surfels, truth.as_ref());
+        let summary = Summary::new(&self.output, &scan, tracker, surfels, truth.as_ref(), pairs);
         if self.json {
             json::print(&summary)?;
         } else {
@@ -119,8 +121,8 @@ impl Args {
         Ok(check_writable(trajectory)?)
     }
 
-    /// The image pairs of every cloud; at least one window.
-    fn windows(&self, input: &Input, configuration: &Configuration) -> Result<Vec<Images>, Failure> {
+    /// The image pairs of every cloud, at least one window, and how many pairs they use.
+    fn windows(&self, input: &Input, configuration: &Configuration) -> Result<(Vec<Images>, PairUse), Failure> {
         if matches!(input, Input::Folder(_)) {
             return Err(input.unusable(&"a dataset folder yields one cloud; give a recording of a moving scanner"));
         }
@@ -138,7 +140,9 @@ impl Args {
             let count = within.len();
             return Err(input.unusable(&format!("{count} image pairs hold no complete window of {images}")));
         }
-        windows.into_iter().map(|window| Images::consecutive(input, window)).collect()
+        let pairs = PairUse::new(&within, &windows, &input.windows(&within, images, 1));
+        let windows: Result<_, _> = windows.into_iter().map(|window| Images::consecutive(input, window)).collect();
+        Ok((windows?, pairs))
     }
 }
 

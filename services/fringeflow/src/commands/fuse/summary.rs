@@ -11,6 +11,7 @@ use fringeflow_tracking::fusion::{Tracked, Tracker, Tracking};
 
 use crate::failure::Failure;
 
+use super::pair_use::PairUse;
 use super::scan::{Scan, ScanWindow};
 
 /// Summary of a scan. Lengths in millimetres, angles in degrees.
@@ -18,6 +19,7 @@ use super::scan::{Scan, ScanWindow};
 pub(crate) struct Summary<'a> {
     model: &'a Path,
     surfels: usize,
+    pairs: PairUse,
     clouds: usize,
     merged: usize,
     relocalized: usize,
@@ -89,6 +91,7 @@ impl<'a> Summary<'a> {
         tracker: &Tracker,
         surfels: usize,
         truth: Option<&TrajectoryScores>,
+        pairs: PairUse,
     ) -> Self {
         let merged: Vec<_> = scan.windows.iter().filter_map(ScanWindow::merged).collect();
         let centre = tracker.model().centre();
@@ -108,6 +111,7 @@ impl<'a> Summary<'a> {
         Self {
             model,
             surfels,
+            pairs,
             clouds: scan.windows.len(),
             merged: merged.len(),
             relocalized: merged.iter().filter(|t| matches!(t.tracking, Tracking::Relocalized(_))).count(),
@@ -130,11 +134,16 @@ impl<'a> Summary<'a> {
 
     pub(crate) fn print(&self) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
-        let Self { clouds, merged, relocalized, surfels, .. } = self;
+        let Self { pairs, clouds, merged, relocalized, surfels, .. } = self;
         writeln!(out, "{}: {surfels} surfels from {merged} clouds", self.model.display())?;
-        writeln!(out, "clouds      {clouds}; {relocalized} of them were relocalized after a loss")?;
+        writeln!(out, "image pairs {pairs}")?;
+        let not_used = clouds - merged;
+        writeln!(out, "clouds      {clouds}: {merged} in the model, {not_used} not used")?;
         for (reason, count) in &self.lost {
-            writeln!(out, "lost        {count}: {}", reason.replace('_', " "))?;
+            writeln!(out, "not used    {count}: {}", reason.replace('_', " "))?;
+        }
+        if *relocalized > 0 {
+            writeln!(out, "relocalized {relocalized} clouds of the model, after a loss")?;
         }
         if let (Some(rms_mm), Some(excess)) = (self.rms_mm, self.excess) {
             writeln!(out, "residuals   {rms_mm:.4} mm rms, {excess:.1} times the noise")?;
