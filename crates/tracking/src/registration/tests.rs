@@ -4,7 +4,7 @@ use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use fringeflow::cloud::{Cloud, CloudPoint};
+use fringeflow::cloud::{Cloud, CloudPoint, Normals};
 use fringeflow::geometry::{Camera, Distortion, Pixel, Point3, Pose, Vector3};
 
 use super::*;
@@ -56,7 +56,7 @@ pub(crate) fn surface_of(
     let cloud = cloud_of(camera, sigma_m, seed, meet);
     let mut surface = OrganizedSurface::default();
     surface.organize(&cloud.points, [camera.width_px(), camera.height_px()]);
-    Normals::default().compute(&mut surface);
+    surface.compute_normals(&mut Normals::default());
     surface
 }
 
