@@ -14,6 +14,7 @@ mod receive;
 mod services;
 mod stop;
 mod transform;
+mod virtual_images;
 mod window_span;
 
 pub use account::{Account, AccountError, Arrivals, Source, accounts_folder, sent_messages, sources};
@@ -24,4 +25,5 @@ pub use receive::{ensure_connected, receive};
 pub use services::{ServiceKind, live_services, measurement_services};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};
+pub use virtual_images::{has_virtual_images, note_virtual_images};
 pub use window_span::WindowSpan;

@@ -24,19 +24,21 @@ pub(crate) struct Display {
     logged_ns: u64,
     /// Whether the images are exposed live. Latencies since the exposure mean nothing in a replay.
     is_live: bool,
+    /// Whether no camera takes the images.
+    has_virtual_images: bool,
     /// Keeps log lines above the lines in the terminal.
     _diversion: Option<Redirection>,
 }
 
 impl Display {
-    pub(crate) fn new(is_live: bool) -> Self {
+    pub(crate) fn new(is_live: bool, has_virtual_images: bool) -> Self {
         let lines = stderr().is_terminal().then(MultiProgress::new);
         let headline = new_line(lines.as_ref());
         let diversion = lines.as_ref().map(|lines| {
             let lines = lines.clone();
             log::redirect(move |line| lines.suspend(|| stderr().write_all(line)))
         });
-        Self { lines, headline, stages: Vec::new(), logged_ns: 0, is_live, _diversion: diversion }
+        Self { lines, headline, stages: Vec::new(), logged_ns: 0, is_live, has_virtual_images, _diversion: diversion }
     }
 
     /// Returns whether the lines are drawn in a terminal.
@@ -47,13 +49,13 @@ impl Display {
     /// Updates the lines, or logs a line if it is time. `waiting` says what the scan waits for.
     pub(crate) fn show(&mut self, tally: &Tally, state: &ScanState, waiting: Option<&str>, now_ns: u64) {
         if self.lines.is_some() {
-            self.headline.set_message(headline(state, waiting));
+            self.headline.set_message(headline(state, waiting, self.has_virtual_images));
             for (stage, stage_tally) in tally.stages() {
                 self.line_for(stage).set_message(stage_line(stage, stage_tally, now_ns));
             }
         } else if now_ns.saturating_sub(self.logged_ns) >= LOG_INTERVAL_NS {
             self.logged_ns = now_ns;
-            let scan_line = || log_line(tally, state, self.is_live, now_ns);
+            let scan_line = || log_line(tally, state, [self.is_live, self.has_virtual_images], now_ns);
             tracing::info!("{}", waiting.map_or_else(scan_line, str::to_owned));
         }
     }
@@ -93,13 +95,14 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-/// Returns one line about the instance: what it waits for, or whether it scans and records.
+/// Returns one line about the instance: what it waits for, or whether it scans, which images, and records.
 #[must_use]
-pub fn headline(state: &ScanState, waiting: Option<&str>) -> String {
+pub fn headline(state: &ScanState, waiting: Option<&str>, has_virtual_images: bool) -> String {
+    let scanning = || scanning(state, has_virtual_images);
     match waiting {
         Some(waiting) => waiting.to_owned(),
-        None if state.recording != 0 => format!("{}, recording to {}", scanning(state), state.recording_file.to_text()),
-        None => scanning(state).to_owned(),
+        None if state.recording != 0 => format!("{}, recording to {}", scanning(), state.recording_file.to_text()),
+        None => scanning(),
     }
 }
 
@@ -111,12 +114,13 @@ pub fn read_startup_status(instance: &Instance, state: &ScanState) -> Option<Str
     preparation.or_else(|| (state.revision == 0).then(|| "starting".to_owned()))
 }
 
-fn scanning(state: &ScanState) -> &'static str {
-    if state.scanning != 0 { "scanning" } else { "stopped" }
+fn scanning(state: &ScanState, has_virtual_images: bool) -> String {
+    let images = if has_virtual_images { " (virtual images)" } else { "" };
+    format!("{}{images}", if state.scanning != 0 { "scanning" } else { "stopped" })
 }
 
 /// Returns one line for the log: clouds per second, latency, drops by reason, silent stages.
-fn log_line(tally: &Tally, state: &ScanState, is_live: bool, now_ns: u64) -> String {
+fn log_line(tally: &Tally, state: &ScanState, [is_live, has_virtual_images]: [bool; 2], now_ns: u64) -> String {
     let recording = if state.recording != 0 { ", recording" } else { "" };
     let clouds_hz = tally.stage(Stage::Cloud).map_or(0.0, |cloud| cloud.rate_hz);
     let latency = tally.total().brief().filter(|_| is_live);
@@ -124,7 +128,7 @@ fn log_line(tally: &Tally, state: &ScanState, is_live: bool, now_ns: u64) -> Str
     let dropped = join(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
     let silent = tally.stages().filter(|(_, stage_tally)| stage_tally.is_silent(now_ns));
     let silent = join(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
-    format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state))
+    format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state, has_virtual_images))
 }
 
 /// Returns how many items all stages dropped, by reason. Leaves out drops that the configuration asks for.
@@ -164,7 +168,7 @@ mod tests {
     #[test]
     fn the_log_line_shows_losses_and_silent_stages_but_no_zeros() {
         let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
-        assert_eq!(log_line(&tally, &state, true, 0), "scanning: 0.0 clouds/s");
+        assert_eq!(log_line(&tally, &state, [true; 2], 0), "scanning (virtual images): 0.0 clouds/s");
         let ms = 1_000_000;
         for stage in [Stage::Camera1, Stage::Camera2, Stage::Cloud] {
             let mut report =
@@ -173,8 +177,8 @@ mod tests {
             report.counts.drop_many(DropReason::BetweenWindows, 9);
             tally.add(&report);
         }
-        assert!(!log_line(&tally, &state, false, 0).contains("latency"));
-        let line = log_line(&tally, &state, true, 10_000 * ms);
+        assert!(!log_line(&tally, &state, [false; 2], 0).contains("latency"));
+        let line = log_line(&tally, &state, [true, false], 10_000 * ms);
         assert_eq!(
             line,
             "scanning: 0.0 clouds/s, latency p50 40 ms, dropped: overrun 6, silent: camera1, camera2, cloud"

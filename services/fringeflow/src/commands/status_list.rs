@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use fringeflow_message::{Command, ControlRequest};
-use fringeflow_runtime::dashboard_file;
+use fringeflow_runtime::{dashboard_file, has_virtual_images};
 use fringeflow_supervisor::{headline, read_startup_status};
 use fringeflow_transport::{Instance, StartedInstance, TransportError, request};
 
@@ -47,7 +47,10 @@ pub(super) fn dashboard_url(instance: &Instance) -> Option<String> {
 fn entry(StartedInstance { instance, since }: &StartedInstance) -> Option<Entry> {
     let state_request = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
     let state = match request(instance, &state_request, RESPONSE_TIMEOUT) {
-        Ok(response) => headline(&response.state, read_startup_status(instance, &response.state).as_deref()),
+        Ok(response) => {
+            let waiting = read_startup_status(instance, &response.state);
+            headline(&response.state, waiting.as_deref(), has_virtual_images(instance))
+        }
         Err(TransportError::NotRunning { .. }) => return None,
         Err(error) => error.to_string(),
     };
