@@ -35,6 +35,17 @@ pub enum TransportError {
         /// What is wrong with it.
         why: String,
     },
+    /// The folder of the instances cannot be created.
+    #[error(
+        "the runtime folder {} cannot be created: {source}; choose another one (FRINGEFLOW_RUNTIME_DIR)",
+        path.display()
+    )]
+    RuntimeFolder {
+        /// The folder.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
     /// A file of the instance cannot be used.
     #[error("cannot {action} {}: {source}", path.display())]
     File {
@@ -180,6 +191,7 @@ impl TransportError {
             Self::Name { .. }
                 | Self::PathTooLong { .. }
                 | Self::UnsafeFolder { .. }
+                | Self::RuntimeFolder { .. }
                 | Self::AlreadyRunning { .. }
                 | Self::NotRunning { .. }
                 | Self::NoSharedMemory { .. }
