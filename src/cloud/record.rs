@@ -164,7 +164,9 @@ mod tests {
 
     #[test]
     fn records_in_metres_read_back_to_the_same_points() {
-        let points = sample_points();
+        // More than one chunk.
+        let mut points = sample_points().repeat(CHUNK_POINTS);
+        points.iter_mut().enumerate().for_each(|(i, point)| point.cam1_px[0] = i as u16);
         let mut bytes = Vec::new();
         write_records(&mut bytes, &points).unwrap();
         assert_eq!(read_records(&bytes).unwrap(), points);
