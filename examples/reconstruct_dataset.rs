@@ -21,27 +21,25 @@ use fringeflow_dataset::{CameraId, Dataset, GreyImage};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let [folder, target] = arguments().ok_or("usage: reconstruct_dataset FOLDER CLOUD.ply")?;
-    let dataset = Dataset::open(&folder, None)?;
-    let setup = &dataset.setup;
 
-    // Table and reconstructor depend only on the rig and the pattern: build them once, for any number of windows.
+    // The README quotes the lines from here to the next empty line.
+    let dataset = Dataset::open(&folder, None)?;
+    let (setup, pattern) = (&dataset.setup, &dataset.setup.sequence.pattern);
     let volume = setup.volume.as_ref().ok_or("meta.json states no measurement volume")?;
-    let pattern = &setup.sequence.pattern;
+    // Table and reconstructor depend only on the rig and the pattern: build them once, for any number of windows.
     let table = SegmentTable::build(&setup.rig, volume, pattern)?;
     let shifts = PhaseShifts::new(setup.cycle_shifts_rad())?;
     let mut reconstructor = Reconstructor::new(&setup.rig, pattern, table, &shifts, Settings::default())?;
-
-    let image_numbers: Vec<usize> = (0..setup.steps).collect();
-    let cam1 = dataset.phase_images(CameraId::Cam1, &image_numbers)?;
-    let cam2 = dataset.phase_images(CameraId::Cam2, &image_numbers)?;
+    let images = |camera| dataset.phase_images(camera, &(0..setup.steps).collect::<Vec<_>>());
+    let (cam1, cam2) = (images(CameraId::Cam1)?, images(CameraId::Cam2)?);
     let result = reconstructor.reconstruct(0, &GreyImage::levels_of(&cam1), &GreyImage::levels_of(&cam2), None)?;
+    result.cloud.write(&target, &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
 
     // Every pixel of camera 1 has one outcome: a point, or the reason why it has none.
     for outcome in Outcome::ALL {
         let pixels = result.matches.outcomes.iter().filter(|&&o| o == outcome).count();
         println!("{:<18} {pixels:>8} pixels", outcome.name());
     }
-    result.cloud.write(&target, &CloudExport { unit: Unit::Millimetre, dataset: &setup.name })?;
     println!("{} points in {}", result.cloud.points.len(), target.display());
     Ok(())
 }

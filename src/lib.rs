@@ -60,7 +60,9 @@
 //! | [`worker`] | the three stages, each as `step(input, &mut output)` |
 //! | [`reconstruction`] | the chain from images to cloud |
 //!
-//! Everything else is in other crates, see ARCHITECTURE.md.
+//! Stable, so that they change only with the minor version and a line in the changelog: [`calibration`], [`cloud`],
+//! [`geometry`], [`phase`] and [`reconstruction`], and of [`correspondence`] `SegmentTable`, `MatchSettings` and `Outcome`.
+//! The others serve the command and may change. Everything else is in other crates, see ARCHITECTURE.md.
 
 #![forbid(unsafe_code)]
 

@@ -66,6 +66,42 @@ fn reconstruct_dataset_writes_as_many_points_as_it_prints() {
     assert!(header.contains(&format!("element vertex {points}")), "{header}");
 }
 
+/// The text of a file of the repository.
+fn text_of(file: &str) -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(file)).unwrap()
+}
+
+/// The block of a language in a section of the README.
+fn readme_block(section: &str, language: &str) -> String {
+    let readme = text_of("README.md");
+    let section = readme.split_once(&format!("\n### {section}\n")).unwrap().1;
+    section.split_once(&format!("\n```{language}\n")).unwrap().1.split_once("\n```").unwrap().0.to_owned()
+}
+
+#[test]
+fn the_readme_quotes_an_example_that_runs() {
+    let program = text_of("examples/reconstruct_dataset.rs");
+    let quoted = program.split_once("next empty line.\n").unwrap().1.split_once("\n\n").unwrap().0;
+    let quoted: Vec<&str> = quoted.lines().map(|line| line.trim_start()).collect();
+    let readme = readme_block("Rust developer", "rust");
+    assert_eq!(readme.lines().map(str::trim_start).collect::<Vec<_>>(), quoted);
+}
+
+#[test]
+fn the_dependencies_in_the_readme_are_packages_of_this_repository() {
+    let repository = text_of("Cargo.toml");
+    let repository = repository.lines().find_map(|line| line.strip_prefix("repository = ")).unwrap().to_owned();
+    let packages = ["Cargo.toml", "crates/dataset/Cargo.toml"].map(text_of);
+    let block = readme_block("Rust developer", "toml");
+    let dependencies: Vec<&str> = block.lines().skip(1).collect();
+    assert_eq!(dependencies.len(), packages.len());
+    for (dependency, package) in dependencies.into_iter().zip(packages) {
+        let (name, source) = dependency.split_once(" = ").unwrap();
+        assert!(package.contains(&format!("\nname = \"{name}\"\n")), "{name}");
+        assert_eq!(source, format!("{{ git = {repository} }}"));
+    }
+}
+
 #[test]
 fn custom_stage_counts_every_correspondence() {
     let (folder, set) = dataset();
@@ -98,7 +134,7 @@ fn subscribe_clouds_receives_the_clouds_of_an_instance() {
     let mut clouds = Publisher::open(&node, CLOUD, &sizes).unwrap();
     let point = CloudPoint { position_m: [0.0, 0.0, 0.25], ..CloudPoint::default() };
     let mut record = Vec::new();
-    write_records(&mut record, &[point], 1.0).unwrap();
+    write_records(&mut record, &[point]).unwrap();
 
     let mut child = example("subscribe_clouds")
         .args(["examples", "3"])

@@ -6,6 +6,7 @@ use fringeflow_base::atomic_file::{WriteError, write_atomically};
 
 use crate::calibration::Unit;
 
+use super::exported_points::ExportedPoints;
 use super::record::CloudExport;
 use super::{Cloud, CloudPoint, npz, pcd, ply};
 
@@ -94,7 +95,8 @@ impl CloudExport<'_> {
 impl Cloud {
     /// Writes the cloud to a file in the format of its extension: `.ply`, `.pcd` or `.npz`.
     ///
-    /// The same cloud and export always give the same bytes.
+    /// Beside the fields of the points, a file has their normals towards C1 (0, 0, 0 where the surface has none) and their
+    /// grey level as a colour, so that viewers show a shaded surface. The same cloud and export always give the same bytes.
     ///
     /// # Errors
     /// The extension is unknown, a value is not finite, or the file cannot be written. An existing file then stays as
@@ -102,10 +104,11 @@ impl Cloud {
     pub fn write(&self, path: &Path, export: &CloudExport<'_>) -> Result<(), CloudWriteError> {
         let format = CloudFormat::from_path(path)?;
         check_finite(path, &self.points, export.units_per_metre())?;
+        let points = ExportedPoints::new(&self.points, export);
         write_atomically(path, |out| match format {
-            CloudFormat::Ply => ply::write(out, &self.points, export),
-            CloudFormat::Pcd => pcd::write(out, &self.points, export),
-            CloudFormat::Npz => npz::write(out, &self.points, export),
+            CloudFormat::Ply => ply::write(out, &points, export),
+            CloudFormat::Pcd => pcd::write(out, &points, export),
+            CloudFormat::Npz => npz::write(out, &points, export),
         })?;
         Ok(())
     }
@@ -187,7 +190,8 @@ pub(super) mod tests {
         let bytes = std::fs::read(path).unwrap();
         let text = String::from_utf8_lossy(&bytes).into_owned();
         assert!(text.contains("\ncomment unit m\n"));
-        assert!(bytes.ends_with(&[0.00025_f32, 1.0].map(f32::to_le_bytes).concat()));
+        let end = [0.00025_f32, 1.0, 0.0, 0.0, 0.0].map(f32::to_le_bytes).concat();
+        assert!(bytes.ends_with(&[end, vec![7; 3]].concat()));
     }
 
     #[test]

@@ -1,8 +1,12 @@
-//! Point clouds: triangulation, provenance of every point, export to PLY, PCD and NPZ (paper, sections 2.1 and 3).
+//! Point clouds: triangulation, provenance of every point, normals, export to PLY, PCD and NPZ (paper, sections 2.1
+//! and 3).
 //!
-//! In: correspondences. Out: [`Cloud`], and files of it. Cost: some hundred operations and 41 bytes per point.
+//! In: correspondences. Out: [`Cloud`], and files of it. Cost: some hundred operations and 41 bytes per point;
+//! normals, for files alone, cost about 0.08 µs per point.
 
 mod export;
+mod exported_points;
+mod normals;
 mod npz;
 mod pcd;
 mod ply;
@@ -11,6 +15,7 @@ mod reference;
 mod triangulate;
 
 pub use export::{CloudFormat, CloudWriteError};
+pub use normals::{MeasuredPixel, Normals, PointImage};
 pub use ply::ply_header;
 pub use record::{CloudExport, FIELDS, RECORD_BYTES, Record, Scalar, decode_record, read_records, write_records};
 pub use reference::reference_cloud;
@@ -45,19 +50,17 @@ pub struct CloudPoint {
 
 /// Points in the order of their pixels in C1, row by row; at most one per pixel, all numbers finite.
 ///
-/// [`Cloud::write`] exports to a file. The parts of a file can also be written to memory:
+/// [`Cloud::write`] exports to a file. The records of channels and recordings are read and written in memory:
 ///
 /// ```
-/// use fringeflow::cloud::{Cloud, CloudPoint, FIELDS, RECORD_BYTES, ply_header, read_records, write_records};
+/// use fringeflow::cloud::{Cloud, CloudPoint, RECORD_BYTES, read_records, write_records};
 ///
 /// let point = CloudPoint { position_m: [0.01, -0.02, 0.3], cam1_px: [320, 256], ..CloudPoint::default() };
 /// let cloud = Cloud { points: vec![point] };
-/// let mut ply = ply_header(cloud.points.len(), &[("unit", "m".to_owned())], &FIELDS).into_bytes();
-/// let header_bytes = ply.len();
-/// write_records(&mut ply, &cloud.points, 1.0)?;
-/// assert!(ply.starts_with(b"ply\nformat binary_little_endian 1.0\n"));
-/// assert_eq!(ply.len(), header_bytes + RECORD_BYTES);
-/// assert_eq!(read_records(&ply[header_bytes..]), Some(cloud.points));
+/// let mut records = Vec::new();
+/// write_records(&mut records, &cloud.points)?;
+/// assert_eq!(records.len(), RECORD_BYTES);
+/// assert_eq!(read_records(&records), Some(cloud.points));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -7,12 +7,17 @@ use npyz::{AutoSerialize, DType, WriterBuilder};
 use zip::write::FileOptions;
 use zip::{CompressionMethod, DateTime};
 
+use super::exported_points::ExportedPoints;
 use super::{CloudExport, CloudPoint};
 
 /// Writes an NPZ file.
-pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
+pub(super) fn write(
+    out: &mut (impl Write + Seek),
+    exported: &ExportedPoints<'_>,
+    export: &CloudExport<'_>,
+) -> io::Result<()> {
+    let ExportedPoints { points, normals, per_metre } = exported;
     let mut fields = FieldWriter { npz: NpzWriter::new(&mut *out), points };
-    let per_metre = export.units_per_metre();
     fields.write("x", |p| p.position_m[0] * per_metre)?;
     fields.write("y", |p| p.position_m[1] * per_metre)?;
     fields.write("z", |p| p.position_m[2] * per_metre)?;
@@ -21,12 +26,18 @@ pub(super) fn write(out: &mut (impl Write + Seek), points: &[CloudPoint], export
     fields.write("v1", |p| p.cam1_px[1])?;
     fields.write("u2", |p| p.cam2_px[0])?;
     fields.write("v2", |p| p.cam2_px[1])?;
-    fields.write("order", |p| p.order)?;
+    fields.write("order", |p| i32::from(p.order))?;
     fields.write("delta", |p| p.delta_rad)?;
     fields.write("candidates", |p| p.candidates)?;
     fields.write("stage", |p| p.stage)?;
     fields.write("sigma", |p| p.sigma_m * per_metre)?;
     fields.write("confidence", |p| p.confidence)?;
+    for (axis, name) in ["nx", "ny", "nz"].into_iter().enumerate() {
+        fields.write_values(name, normals.iter().map(|normal| normal[axis]))?;
+    }
+    for name in ["red", "green", "blue"] {
+        fields.write(name, |p| p.intensity)?;
+    }
     for (key, value) in export.remarks() {
         fields.write_text(key, &value)?;
     }
@@ -42,9 +53,14 @@ struct FieldWriter<'a, W: Write + Seek> {
 
 impl<W: Write + Seek> FieldWriter<'_, W> {
     fn write<T: AutoSerialize>(&mut self, name: &str, field: impl Fn(&CloudPoint) -> T) -> io::Result<()> {
+        self.write_values(name, self.points.iter().map(field))
+    }
+
+    /// An array with a value for each point.
+    fn write_values<T: AutoSerialize>(&mut self, name: &str, values: impl Iterator<Item = T>) -> io::Result<()> {
         let array = self.npz.array(name, options())?.default_dtype().shape(&[self.points.len() as u64]);
         let mut array = array.begin_nd()?;
-        array.extend(self.points.iter().map(field))?;
+        array.extend(values)?;
         array.finish()
     }
 
@@ -72,11 +88,11 @@ mod tests {
 
     use super::*;
     use crate::cloud::export::tests::{EXPORT_MM, sample_points};
-    use crate::cloud::record::FIELDS;
+    use crate::cloud::exported_points::EXPORTED_FIELDS;
 
     fn written(points: &[CloudPoint]) -> Vec<u8> {
         let mut out = Cursor::new(Vec::new());
-        write(&mut out, points, &EXPORT_MM).unwrap();
+        write(&mut out, &ExportedPoints::new(points, &EXPORT_MM), &EXPORT_MM).unwrap();
         out.into_inner()
     }
 
@@ -100,8 +116,10 @@ mod tests {
         assert_eq!(read::<f32>(&bytes, "confidence"), [0.75, 1.0]);
         assert_eq!(read::<u16>(&bytes, "u1"), points.iter().map(|p| p.cam1_px[0]).collect::<Vec<_>>());
         assert_eq!(read::<u16>(&bytes, "v1"), points.iter().map(|p| p.cam1_px[1]).collect::<Vec<_>>());
-        assert_eq!(read::<i16>(&bytes, "order"), points.iter().map(|p| p.order).collect::<Vec<_>>());
+        assert_eq!(read::<i32>(&bytes, "order"), points.iter().map(|p| i32::from(p.order)).collect::<Vec<_>>());
         assert_eq!(read::<u8>(&bytes, "intensity"), [200, 7]);
+        assert_eq!(read::<f32>(&bytes, "nz"), [0.0, 0.0]);
+        assert_eq!(read::<u8>(&bytes, "green"), [200, 7]);
         assert_eq!(read::<u8>(&bytes, "candidates"), [5, 1]);
         assert_eq!(read::<u8>(&bytes, "stage"), [2, 4]);
         assert_eq!(read::<Vec<u8>>(&bytes, "unit"), [b"mm"]);
@@ -113,7 +131,7 @@ mod tests {
         let bytes = written(&sample_points());
         let archive = NpzArchive::new(Cursor::new(&bytes)).unwrap();
         let mut names: Vec<_> = archive.array_names().collect();
-        let mut expected: Vec<_> = FIELDS.map(|(name, _)| name).to_vec();
+        let mut expected: Vec<_> = EXPORTED_FIELDS.map(|(name, _)| name).to_vec();
         expected.extend(["unit", "frame", "software", "dataset"]);
         names.sort_unstable();
         expected.sort_unstable();

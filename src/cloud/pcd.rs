@@ -1,14 +1,30 @@
-//! PCD 0.7, binary, for PCL and CloudCompare. In: points. Out: a header and the records of the PLY file.
+//! PCD 0.7, binary, for PCL and CloudCompare. In: points. Out: a header and the records of the PLY file, but the colour as
+//! PCL packs it: blue, green, red and a zero, in one field.
 
 use std::io::{self, Write};
 
-use super::record::{FIELDS, Scalar, write_records};
-use super::{CloudExport, CloudPoint};
+use super::CloudExport;
+use super::exported_points::{EXPORTED_FIELDS, ExportedPoints};
+use super::record::Scalar;
 
 /// Writes a PCD file.
-pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
-    out.write_all(header(points.len(), export).as_bytes())?;
-    write_records(out, points, export.units_per_metre())
+pub(super) fn write(out: &mut impl Write, points: &ExportedPoints<'_>, export: &CloudExport<'_>) -> io::Result<()> {
+    out.write_all(header(points.points.len(), export).as_bytes())?;
+    points.write(out, |grey| [grey, grey, grey, 0])
+}
+
+/// The fields, by the names that PCL and Open3D look for.
+fn fields() -> Vec<(&'static str, Scalar)> {
+    let name = |name| match name {
+        "nx" => Some("normal_x"),
+        "ny" => Some("normal_y"),
+        "nz" => Some("normal_z"),
+        "red" | "green" | "blue" => None,
+        other => Some(other),
+    };
+    let named = EXPORTED_FIELDS.into_iter().filter_map(|(field, scalar)| Some((name(field)?, scalar)));
+    // PCL declares the packed colour as a floating-point number.
+    named.chain([("rgb", Scalar::F32)]).collect()
 }
 
 /// The header. PCD prescribes this order of lines.
@@ -27,13 +43,13 @@ fn header(count: usize, export: &CloudExport<'_>) -> String {
 }
 
 fn joined(describe: impl Fn(&str, Scalar) -> String) -> String {
-    FIELDS.map(|(name, scalar)| describe(name, scalar)).join(" ")
+    fields().into_iter().map(|(name, scalar)| describe(name, scalar)).collect::<Vec<_>>().join(" ")
 }
 
 fn type_letter(scalar: Scalar) -> &'static str {
     match scalar {
         Scalar::U8 | Scalar::U16 => "U",
-        Scalar::I16 => "I",
+        Scalar::I16 | Scalar::I32 => "I",
         Scalar::F32 => "F",
     }
 }
@@ -42,7 +58,6 @@ fn type_letter(scalar: Scalar) -> &'static str {
 mod tests {
     use super::*;
     use crate::cloud::export::tests::{EXPORT_MM, sample_points};
-    use crate::cloud::record::RECORD_BYTES;
 
     const HEADER: &str = concat!(
         "# .PCD v0.7 - Point Cloud Data file format\n",
@@ -53,10 +68,10 @@ mod tests {
         "\n",
         "# dataset nose\n",
         "VERSION 0.7\n",
-        "FIELDS x y z intensity u1 v1 u2 v2 order delta candidates stage sigma confidence\n",
-        "SIZE 4 4 4 1 2 2 4 4 2 4 1 1 4 4\n",
-        "TYPE F F F U U U F F I F U U F F\n",
-        "COUNT 1 1 1 1 1 1 1 1 1 1 1 1 1 1\n",
+        "FIELDS x y z intensity u1 v1 u2 v2 order delta candidates stage sigma confidence normal_x normal_y normal_z rgb\n",
+        "SIZE 4 4 4 1 2 2 4 4 4 4 1 1 4 4 4 4 4 4\n",
+        "TYPE F F F U U U F F I F U U F F F F F F\n",
+        "COUNT 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1 1\n",
         "WIDTH 2\n",
         "HEIGHT 1\n",
         "VIEWPOINT 0 0 0 1 0 0 0\n",
@@ -65,12 +80,19 @@ mod tests {
     );
 
     #[test]
-    fn the_file_is_the_header_and_the_records_of_the_ply_file() {
+    fn the_file_is_the_header_and_the_records_of_the_ply_file_with_a_packed_colour() {
         let (mut pcd, mut ply) = (Vec::new(), Vec::new());
-        write(&mut pcd, &sample_points(), &EXPORT_MM).unwrap();
-        crate::cloud::ply::write(&mut ply, &sample_points(), &EXPORT_MM).unwrap();
+        let points = sample_points();
+        let exported = ExportedPoints::new(&points, &EXPORT_MM);
+        write(&mut pcd, &exported, &EXPORT_MM).unwrap();
+        crate::cloud::ply::write(&mut ply, &exported, &EXPORT_MM).unwrap();
         let (header, body) = pcd.split_at(HEADER.len());
         assert_eq!(std::str::from_utf8(header).unwrap(), HEADER);
-        assert_eq!(body, &ply[ply.len() - 2 * RECORD_BYTES..]);
+        // A record of the PLY file has three bytes of colour, one of this file four.
+        let of_ply = ply[ply.len() - 2 * 58..].chunks(58);
+        assert_eq!((body.len(), of_ply.len()), (2 * 59, 2));
+        for (record, of_ply) in body.chunks(59).zip(of_ply) {
+            assert_eq!((&record[..58], record[58]), (of_ply, 0));
+        }
     }
 }

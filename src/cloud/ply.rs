@@ -1,14 +1,15 @@
-//! PLY, binary little-endian. In: points. Out: a header and one vertex of 41 bytes per point.
+//! PLY, binary little-endian. In: points. Out: a header and one vertex of 58 bytes per point.
 
 use std::io::{self, Write};
 
-use super::record::{FIELDS, Scalar, write_records};
-use super::{CloudExport, CloudPoint};
+use super::CloudExport;
+use super::exported_points::{EXPORTED_FIELDS, ExportedPoints};
+use super::record::Scalar;
 
 /// Writes a PLY file.
-pub(super) fn write(out: &mut impl Write, points: &[CloudPoint], export: &CloudExport<'_>) -> io::Result<()> {
-    out.write_all(ply_header(points.len(), &export.remarks(), &FIELDS).as_bytes())?;
-    write_records(out, points, export.units_per_metre())
+pub(super) fn write(out: &mut impl Write, points: &ExportedPoints<'_>, export: &CloudExport<'_>) -> io::Result<()> {
+    out.write_all(ply_header(points.points.len(), &export.remarks(), &EXPORTED_FIELDS).as_bytes())?;
+    points.write(out, |grey| [grey; 3])
 }
 
 /// PLY header for `count` vertices with these `fields`; `remarks` are keys and values of one line each.
@@ -24,11 +25,13 @@ pub fn ply_header(count: usize, remarks: &[(&str, String)], fields: &[(&str, Sca
     header + "end_header\n"
 }
 
+/// The name of a type. Of the two names of 16 bits without sign, Open3D's reader takes this one alone.
 fn type_name(scalar: Scalar) -> &'static str {
     match scalar {
         Scalar::U8 => "uchar",
-        Scalar::U16 => "ushort",
+        Scalar::U16 => "uint16",
         Scalar::I16 => "short",
+        Scalar::I32 => "int",
         Scalar::F32 => "float",
     }
 }
@@ -36,8 +39,11 @@ fn type_name(scalar: Scalar) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cloud::CloudPoint;
     use crate::cloud::export::tests::{EXPORT_MM, sample_points};
-    use crate::cloud::record::RECORD_BYTES;
+
+    /// Bytes of a point.
+    const POINT_BYTES: usize = 58;
 
     const HEADER: &str = concat!(
         "ply\n",
@@ -53,22 +59,28 @@ mod tests {
         "property float y\n",
         "property float z\n",
         "property uchar intensity\n",
-        "property ushort u1\n",
-        "property ushort v1\n",
+        "property uint16 u1\n",
+        "property uint16 v1\n",
         "property float u2\n",
         "property float v2\n",
-        "property short order\n",
+        "property int order\n",
         "property float delta\n",
         "property uchar candidates\n",
         "property uchar stage\n",
         "property float sigma\n",
         "property float confidence\n",
+        "property float nx\n",
+        "property float ny\n",
+        "property float nz\n",
+        "property uchar red\n",
+        "property uchar green\n",
+        "property uchar blue\n",
         "end_header\n",
     );
 
     fn written(points: &[CloudPoint]) -> Vec<u8> {
         let mut out = Vec::new();
-        write(&mut out, points, &EXPORT_MM).unwrap();
+        write(&mut out, &ExportedPoints::new(points, &EXPORT_MM), &EXPORT_MM).unwrap();
         out
     }
 
@@ -77,7 +89,7 @@ mod tests {
         let bytes = written(&sample_points());
         let (header, body) = bytes.split_at(HEADER.len());
         assert_eq!(std::str::from_utf8(header).unwrap(), HEADER);
-        assert_eq!(body.len(), 2 * RECORD_BYTES);
+        assert_eq!(body.len(), 2 * POINT_BYTES);
         // x = 1 m = 1000 mm … sigma = 0.5 mm, confidence = 0.75, written out by hand.
         let mut expected = Vec::new();
         for x in [1000.0_f32, -250.0, 500.0] {
@@ -86,30 +98,20 @@ mod tests {
         expected.extend([200, 0x02, 0x01, 0x04, 0x03]);
         expected.extend(12.5_f32.to_le_bytes());
         expected.extend(772.25_f32.to_le_bytes());
-        expected.extend((-3_i16).to_le_bytes());
+        expected.extend((-3_i32).to_le_bytes());
         expected.extend(0.0625_f32.to_le_bytes());
         expected.extend([5, 2]);
         expected.extend(0.5_f32.to_le_bytes());
         expected.extend(0.75_f32.to_le_bytes());
-        assert_eq!(&body[..RECORD_BYTES], expected);
+        // Two points make no surface.
+        expected.extend([0.0_f32; 3].map(f32::to_le_bytes).concat());
+        expected.extend([200; 3]);
+        assert_eq!(&body[..POINT_BYTES], expected);
     }
 
     #[test]
     fn an_empty_cloud_is_only_a_header() {
         let text = String::from_utf8(written(&[])).unwrap();
         assert_eq!(text, HEADER.replace("vertex 2", "vertex 0"));
-    }
-
-    #[test]
-    fn every_chunk_is_written() {
-        let mut points = sample_points().repeat(10_000);
-        for (i, point) in points.iter_mut().enumerate() {
-            point.cam1_px[0] = i as u16;
-        }
-        let bytes = written(&points);
-        let body = &bytes[bytes.len() - points.len() * RECORD_BYTES..];
-        for (record, point) in body.chunks_exact(RECORD_BYTES).zip(&points) {
-            assert_eq!(u16::from_le_bytes([record[13], record[14]]), point.cam1_px[0]);
-        }
     }
 }

@@ -1,7 +1,7 @@
 //! Binary record of one point: names, types and order of its fields. In: points. Out: 41 bytes per point.
 //!
-//! PLY, PCD, the channel `cloud` and recordings use the same record, little-endian and without padding. Channel and
-//! recordings hold lengths in metres. NPZ stores one array per field under the same names.
+//! The channel `cloud` and recordings use this record, little-endian and without padding, with lengths in metres. Files
+//! have its fields and some more (`exported_points.rs`).
 
 use crate::calibration::Unit;
 
@@ -26,6 +26,8 @@ pub enum Scalar {
     U16,
     /// Signed, 2 bytes.
     I16,
+    /// Signed, 4 bytes.
+    I32,
     /// Floating point, 4 bytes.
     F32,
 }
@@ -37,7 +39,7 @@ impl Scalar {
         match self {
             Self::U8 => 1,
             Self::U16 | Self::I16 => 2,
-            Self::F32 => 4,
+            Self::I32 | Self::F32 => 4,
         }
     }
 }
@@ -74,24 +76,24 @@ pub const RECORD_BYTES: usize = {
 /// Records encoded at a time: enough to keep system calls rare, few enough for the cache.
 const CHUNK_POINTS: usize = 8192;
 
-/// Writes all points as packed little-endian records. Multiplies lengths by `per_metre`.
+/// Writes all points as packed little-endian records, lengths in metres.
 ///
 /// # Errors
 /// Errors of `out`.
-pub fn write_records(out: &mut impl std::io::Write, points: &[CloudPoint], per_metre: f32) -> std::io::Result<()> {
+pub fn write_records(out: &mut impl std::io::Write, points: &[CloudPoint]) -> std::io::Result<()> {
     let mut bytes = vec![0; CHUNK_POINTS.min(points.len()) * RECORD_BYTES];
     for chunk in points.chunks(CHUNK_POINTS) {
         let bytes = &mut bytes[..chunk.len() * RECORD_BYTES];
-        encode_chunk(chunk, per_metre, bytes);
+        encode_chunk(chunk, bytes);
         out.write_all(bytes)?;
     }
     Ok(())
 }
 
-fn encode_chunk(points: &[CloudPoint], per_metre: f32, bytes: &mut [u8]) {
+fn encode_chunk(points: &[CloudPoint], bytes: &mut [u8]) {
     let (records, _) = bytes.as_chunks_mut::<RECORD_BYTES>();
     for (record, point) in records.iter_mut().zip(points) {
-        encode(point, per_metre, record);
+        encode(point, record);
     }
 }
 
@@ -102,7 +104,7 @@ impl PointForm for Record {
     #[inline(always)]
     fn from_point(point: CloudPoint) -> Self {
         let mut record = [0; RECORD_BYTES];
-        encode(&point, 1.0, &mut record);
+        encode(&point, &mut record);
         record
     }
 }
@@ -110,13 +112,13 @@ impl PointForm for Record {
 /// Encodes one point in the order and types of [`FIELDS`]. Fields are joined to words of eight bytes first: a store of
 /// its own for each field takes several times as long.
 #[inline(always)]
-fn encode(point: &CloudPoint, per_metre: f32, record: &mut Record) {
+fn encode(point: &CloudPoint, record: &mut Record) {
     let bits = |value: f32| u64::from(value.to_bits());
-    let [x, y, z] = point.position_m.map(|c| bits(c * per_metre));
+    let [x, y, z] = point.position_m.map(bits);
     let [u1, v1] = point.cam1_px.map(u64::from);
     let [u2, v2] = point.cam2_px.map(bits);
     let (order, delta) = (u64::from(point.order.cast_unsigned()), bits(point.delta_rad));
-    let (sigma, confidence) = (bits(point.sigma_m * per_metre), bits(point.confidence));
+    let (sigma, confidence) = (bits(point.sigma_m), bits(point.confidence));
     let words = [
         x | y << 32,
         z | u64::from(point.intensity) << 32 | u1 << 40 | v1 << 56,
@@ -162,9 +164,11 @@ mod tests {
 
     #[test]
     fn records_in_metres_read_back_to_the_same_points() {
-        let points = sample_points();
+        // More than one chunk.
+        let mut points = sample_points().repeat(CHUNK_POINTS);
+        points.iter_mut().enumerate().for_each(|(i, point)| point.cam1_px[0] = i as u16);
         let mut bytes = Vec::new();
-        write_records(&mut bytes, &points, 1.0).unwrap();
+        write_records(&mut bytes, &points).unwrap();
         assert_eq!(read_records(&bytes).unwrap(), points);
         let records: Vec<Record> = points.iter().map(|&point| Record::from_point(point)).collect();
         assert_eq!(records.as_flattened(), bytes);

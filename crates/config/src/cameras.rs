@@ -185,7 +185,7 @@ pub(super) fn camera_source(raw: &RawCameras, rate_hz: f64) -> Result<CameraSour
             key: "cameras.source",
             value: format!("{:?}", raw.source),
             expected: "only the source \"v4l2\" has [cameras.cam1], [cameras.cam2] and [cameras.both]: remove them, or use \
-                       that source",
+                       that source. To simulate a rig with devices, keep its file and give `run` the option --virtual",
         }),
     };
     let known = [("virtual", Source::Virtual), ("external", Source::External), ("v4l2", Source::V4l2)];

@@ -33,6 +33,7 @@ mod renamed_keys;
 mod scanner;
 mod stereo;
 mod tracking;
+mod virtual_images;
 mod virtual_scanner;
 
 use std::path::{Path, PathBuf};

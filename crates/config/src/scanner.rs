@@ -18,6 +18,7 @@ use super::monitor::{self, MonitorConfiguration};
 use super::paths::in_folder;
 use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
+use super::virtual_images::virtual_text;
 use super::virtual_scanner::{GivenRigFiles, VirtualScannerConfiguration};
 use super::{Configuration, ConfigurationError, ConfigurationProblem};
 
@@ -118,9 +119,16 @@ impl ScannerConfiguration {
     /// # Errors
     /// [`ConfigurationError`], which names file, key and value.
     pub fn read(path: &Path) -> Result<Self, ConfigurationError> {
-        let fail = |problem| ConfigurationError { file: path.to_owned(), problem };
-        let text = read_text(path).map_err(|e| fail(e.into()))?;
-        Self::parse(&text, path.parent().unwrap_or(Path::new("."))).map_err(fail)
+        read_with(path, Self::parse)
+    }
+
+    /// [`Self::read`], with the virtual scanner in the place of cameras and projector. Rig, pattern, volume, rate, and
+    /// size, region, binning and depth of the images stay.
+    ///
+    /// # Errors
+    /// As [`Self::read`]. The file must be valid as it is.
+    pub fn read_virtual(path: &Path) -> Result<Self, ConfigurationError> {
+        read_with(path, Self::parse_virtual)
     }
 
     /// [`Self::read`] for a text in memory.
@@ -181,6 +189,14 @@ impl ScannerConfiguration {
             processors: processors::configuration(&raw.processors)?,
             text: text.to_owned(),
         })
+    }
+
+    /// [`Self::read_virtual`] for a text in memory.
+    ///
+    /// # Errors
+    /// As [`Self::parse`].
+    pub fn parse_virtual(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
+        Self::parse(&virtual_text(&Self::parse(text, folder)?)?, folder)
     }
 
     /// [`Self::parse`] for the text in a recording, which may be older than this version.
@@ -293,6 +309,16 @@ pub enum SetupTextError {
     /// The description cannot be written as JSON.
     #[error("cannot write the description of the setup: {0}")]
     Description(#[from] serde_json::Error),
+}
+
+/// Reads a file, and parses its text with its folder.
+fn read_with(
+    path: &Path,
+    parse: fn(&str, &Path) -> Result<ScannerConfiguration, ConfigurationProblem>,
+) -> Result<ScannerConfiguration, ConfigurationError> {
+    let text = read_text(path).map_err(ConfigurationProblem::from);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    text.and_then(|text| parse(&text, folder)).map_err(|problem| ConfigurationError { file: path.to_owned(), problem })
 }
 
 fn segment_table(raw: &RawConfiguration, folder: &Path) -> Option<PathBuf> {

@@ -3,6 +3,7 @@
 //! The table is stored as written. The simulation, which depends on this crate, checks its values and builds the
 //! scanner.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -119,7 +120,7 @@ impl VirtualScannerConfiguration {
     /// Creates the configuration from the table. Paths are relative to the folder of the configuration.
     ///
     /// # Errors
-    /// The table states what the rig to simulate states too.
+    /// The table states what the rig to simulate states too, or the phase shifts are not evenly spaced.
     pub(crate) fn new(
         table: &VirtualScannerTable,
         sequence: &FringeSequence,
@@ -139,8 +140,17 @@ impl VirtualScannerConfiguration {
                 return refused("virtual_scanner.depth_mm", depth_mm.to_string());
             }
         }
+        let steps = sequence.shifts_rad.len();
+        let is_even = |(step, shift_rad): (usize, &f64)| (shift_rad - TAU * step as f64 / steps as f64).abs() < 1e-6;
+        if !sequence.shifts_rad.iter().enumerate().all(is_even) {
+            return Err(ConfigurationProblem::Value {
+                key: "pattern.phase_shift_rad",
+                value: format!("{:?}", sequence.shifts_rad),
+                expected: "the virtual projector shows evenly spaced phase shifts only; remove the key",
+            });
+        }
         Ok(Self {
-            steps: sequence.shifts_rad.len(),
+            steps,
             pattern: sequence.pattern,
             format,
             cache: table.cache.as_ref().map(|path| in_folder(folder, path)),

@@ -148,6 +148,7 @@ fn packed_field(name: &str, scalar: Scalar, offset: u32) -> PackedElementField {
         Scalar::U8 => NumericType::Uint8,
         Scalar::U16 => NumericType::Uint16,
         Scalar::I16 => NumericType::Int16,
+        Scalar::I32 => NumericType::Int32,
         Scalar::F32 => NumericType::Float32,
     };
     PackedElementField { name: name.to_owned(), offset, r#type: numeric_type.into() }

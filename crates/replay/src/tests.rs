@@ -34,7 +34,7 @@ fn with_cloud(folder: &TempDir, change: impl FnOnce(&mut CloudHeader, &mut Vec<u
     let reconstructed = reconstructor.reconstruct(0, &cam1, &cam2, None).unwrap();
     assert!(reconstructed.cloud.points.len() > 100, "{}", reconstructed.cloud.points.len());
     let mut records = Vec::new();
-    write_records(&mut records, &reconstructed.cloud.points, 1.0).unwrap();
+    write_records(&mut records, &reconstructed.cloud.points).unwrap();
     let mut window = Window { cam1_session: 1, cam2_session: 1, images: 4, ..Window::default() };
     window.cam1_sequence[..4].copy_from_slice(&[0, 1, 2, 3]);
     window.cam2_sequence = window.cam1_sequence;

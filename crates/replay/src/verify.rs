@@ -94,7 +94,7 @@ fn verify_cloud(
 fn compare(records: &[u8], cloud: &Cloud) -> VerifyOutcome {
     let mut recomputed = Vec::with_capacity(cloud.points.len() * RECORD_BYTES);
     // Writing to a vector cannot fail.
-    let _ = write_records(&mut recomputed, &cloud.points, 1.0);
+    let _ = write_records(&mut recomputed, &cloud.points);
     if recomputed == records {
         return VerifyOutcome::Same;
     }

@@ -1,7 +1,7 @@
 //! Errors of the transport between processes.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// An instance, a channel or its shared memory cannot be used.
@@ -35,6 +35,17 @@ pub enum TransportError {
         /// What is wrong with it.
         why: String,
     },
+    /// The folder of the instances cannot be created.
+    #[error(
+        "the runtime folder {} cannot be created: {source}; choose another one (FRINGEFLOW_RUNTIME_DIR)",
+        path.display()
+    )]
+    RuntimeFolder {
+        /// The folder.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
     /// A file of the instance cannot be used.
     #[error("cannot {action} {}: {source}", path.display())]
     File {
@@ -66,6 +77,19 @@ pub enum TransportError {
         name: String,
         /// The time limit.
         timeout: Duration,
+    },
+    /// Shared memory cannot be used: it is absent, read-only or closed to this user.
+    #[error(
+        "{} takes no file for the channels, which need {} MiB of shared memory: {source}; {}",
+        folder.display(), needed.div_ceil(1 << 20), remedy(folder, *needed, source)
+    )]
+    NoSharedMemory {
+        /// Where it is mounted, or should be.
+        folder: PathBuf,
+        /// Bytes needed.
+        needed: u64,
+        /// Why it failed.
+        source: io::Error,
     },
     /// Shared memory is too small.
     #[error(
@@ -140,6 +164,24 @@ pub enum TransportError {
     },
 }
 
+/// Tells how to make shared memory usable.
+fn remedy(folder: &Path, needed: u64, source: &io::Error) -> String {
+    let folder = folder.display();
+    match source.kind() {
+        io::ErrorKind::ReadOnlyFilesystem => {
+            format!("mount it for writing: mount -o remount,rw {folder}; in a container, mount a tmpfs there")
+        }
+        io::ErrorKind::PermissionDenied => format!("let all users write there: chmod 1777 {folder}"),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => format!("delete files in {folder}"),
+        _ => {
+            let size_mib = needed.div_ceil(1 << 20);
+            format!(
+                "mount a tmpfs there: mkdir -p {folder} && mount -t tmpfs -o size={size_mib}M,mode=1777 tmpfs {folder}"
+            )
+        }
+    }
+}
+
 impl TransportError {
     /// Whether another attempt would fail too, until a name, a folder or the machine is changed.
     #[must_use]
@@ -149,8 +191,10 @@ impl TransportError {
             Self::Name { .. }
                 | Self::PathTooLong { .. }
                 | Self::UnsafeFolder { .. }
+                | Self::RuntimeFolder { .. }
                 | Self::AlreadyRunning { .. }
                 | Self::NotRunning { .. }
+                | Self::NoSharedMemory { .. }
                 | Self::SharedMemory { .. }
         )
     }

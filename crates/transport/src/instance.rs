@@ -186,7 +186,8 @@ impl Instance {
 
 fn create_private(folder: &Path) -> Result<(), TransportError> {
     let mut builder = fs::DirBuilder::new();
-    builder.recursive(true).mode(0o700).create(folder).map_err(TransportError::file("create", folder))
+    let created = builder.recursive(true).mode(0o700).create(folder);
+    created.map_err(|source| TransportError::RuntimeFolder { path: folder.to_owned(), source })
 }
 
 /// Refuses a folder that is a link, belongs to another user, or is writable by others.

@@ -52,6 +52,7 @@ mod payload;
 mod publisher;
 mod shared_memory;
 mod subscriber;
+mod trial_file;
 mod wait;
 
 #[cfg(test)]

@@ -9,8 +9,9 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FallocateFlags, fallocate, statvfs};
+use rustix::io::Errno;
 
-use super::{ChannelId, ChannelLimits, ChannelSizes, TransportError};
+use super::{ChannelId, ChannelLimits, ChannelSizes, TransportError, trial_file};
 
 /// Folder of shared memory on Linux.
 pub(super) const FOLDER: &str = "/dev/shm";
@@ -35,12 +36,18 @@ pub fn required_bytes(sizes: &ChannelSizes) -> u64 {
     channels.map(|id| publishers(id) * publisher_bytes(&id.limits(sizes)) + SERVICE_BYTES as u64).sum()
 }
 
-/// Checks that the free shared memory suffices for the channels.
+/// Checks that shared memory can be used, and that its free bytes suffice for the channels. Returns its folder.
 ///
 /// # Errors
-/// [`TransportError::SharedMemory`], with the required and the available bytes.
-pub fn check_shared_memory(sizes: &ChannelSizes) -> Result<(), TransportError> {
-    check_free(required_bytes(sizes))
+/// [`TransportError::NoSharedMemory`] if no file can be created and mapped there, [`TransportError::SharedMemory`] with
+/// the required and the available bytes.
+pub fn check_shared_memory(sizes: &ChannelSizes) -> Result<&'static Path, TransportError> {
+    let (folder, needed) = (Path::new(FOLDER), required_bytes(sizes));
+    // A full file system takes no trial file either.
+    check_free(needed)?;
+    let unusable = |source| TransportError::NoSharedMemory { folder: folder.to_owned(), needed, source };
+    trial_file::try_file_in(folder).map_err(unusable)?;
+    Ok(folder)
 }
 
 /// Bytes of one publisher and its connections.
@@ -55,7 +62,8 @@ pub(super) fn publisher_bytes(limits: &ChannelLimits) -> u64 {
 /// Fails if less than `needed` bytes are free.
 pub(super) fn check_free(needed: u64) -> Result<(), TransportError> {
     let folder = Path::new(FOLDER);
-    let found = statvfs(folder).map_err(|e| TransportError::file("examine", folder)(e.into()))?;
+    let unusable = |e: Errno| TransportError::NoSharedMemory { folder: folder.to_owned(), needed, source: e.into() };
+    let found = statvfs(folder).map_err(unusable)?;
     check_available(folder, needed, found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize)
 }
 
@@ -123,6 +131,23 @@ mod tests {
             "/m has 8388608 bytes left, the channels need 104857600; enlarge it (mount -o remount,size=156M /m, or \
              docker's --shm-size=156m), delete files there, or use smaller images"
         );
+    }
+
+    #[test]
+    fn memory_that_takes_no_file_is_refused_with_its_remedy() {
+        let text = |errno: Errno| {
+            let unusable =
+                TransportError::NoSharedMemory { folder: "/m".into(), needed: 3 * MIB, source: errno.into() };
+            unusable.to_string()
+        };
+        let read_only = text(Errno::ROFS);
+        assert!(
+            read_only.starts_with("/m takes no file for the channels, which need 3 MiB of shared memory: "),
+            "{read_only}"
+        );
+        assert!(read_only.contains("mount -o remount,rw /m"), "{read_only}");
+        assert!(text(Errno::ACCESS).contains("chmod 1777 /m"));
+        assert!(text(Errno::NOENT).contains("mount -t tmpfs -o size=3M,mode=1777 tmpfs /m"));
     }
 
     #[test]

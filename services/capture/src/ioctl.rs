@@ -143,7 +143,7 @@ pub struct CallError {
 /// Explains an error whose usual text is unclear.
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
-        io::ErrorKind::ResourceBusy => "; another program uses the device",
+        io::ErrorKind::ResourceBusy => "; another program uses the device: close it",
         _ => "",
     }
 }

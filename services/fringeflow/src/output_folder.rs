@@ -1,4 +1,4 @@
-//! Output folders of the commands.
+//! Outputs of the commands: folders, and the kind of a file.
 
 use std::path::Path;
 
@@ -14,4 +14,9 @@ pub(crate) fn prepare(folder: &Path) -> Result<(), WriteError> {
 /// Creates a temporary folder, removed when the result is dropped.
 pub(crate) fn temporary() -> Result<TempDir, WriteError> {
     tempfile::tempdir().map_err(|e| WriteError { path: std::env::temp_dir(), problem: WriteProblem::Io(e) })
+}
+
+/// Whether the name of a file ends in `.wanted`, in upper or lower case.
+pub(crate) fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }

@@ -4,9 +4,10 @@ use std::fmt;
 use std::io::Write as _;
 use std::path::Path;
 
+use fringeflow_config::CameraSource;
 use fringeflow_message::{Counts, Stage};
 use fringeflow_replayer::Compared;
-use fringeflow_supervisor::Outcome;
+use fringeflow_supervisor::{Outcome, Plan};
 use fringeflow_telemetry::{Capacity, DriftFigures, HealthRecord, Latency, SkewFigures, StageFigures, Verdict};
 
 use crate::failure::Failure;
@@ -15,6 +16,8 @@ use crate::json;
 /// Figures of a run.
 #[derive(serde::Serialize)]
 pub(crate) struct Summary<'a> {
+    /// Whether the virtual scanner took the images.
+    virtual_images: bool,
     stages: Vec<StageFigures>,
     /// From the start of the last exposure of a cloud to its publication.
     exposure_to_cloud: Option<Latency>,
@@ -73,10 +76,11 @@ fn describe_failed_services(outcome: &Outcome) -> String {
 
 impl<'a> Summary<'a> {
     /// Summary of a live run. `report` is the path of its report.
-    pub(crate) fn from_run(outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
+    pub(crate) fn from_run(plan: &Plan, outcome: &'a Outcome, report: Option<&'a Path>) -> Self {
         let tally = outcome.run.tally();
         let (exposure_to_cloud, capacity) = (tally.total().brief(), Capacity::from_tally(tally));
-        Self { exposure_to_cloud, report, capacity, ..Self::from_replay(outcome, None) }
+        let virtual_images = plan.configuration.cameras == CameraSource::Virtual;
+        Self { virtual_images, exposure_to_cloud, report, capacity, ..Self::from_replay(outcome, None) }
     }
 
     /// Summary of a replay and its comparison with the recording. It has no latency from exposure to cloud, as the
@@ -85,6 +89,7 @@ impl<'a> Summary<'a> {
         let stage =
             |(stage, counts): &(Stage, Counts)| StageFigures::new(*stage, counts, outcome.run.tally().stage(*stage));
         Self {
+            virtual_images: false,
             stages: outcome.balance.0.iter().map(stage).collect(),
             exposure_to_cloud: None,
             drift: outcome.run.window().and_then(|window| window.drift.as_ref()),
@@ -103,6 +108,9 @@ impl<'a> Summary<'a> {
 
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.virtual_images {
+            writeln!(f, "the images were virtual: no camera took them")?;
+        }
         writeln!(
             f,
             "{:<15} {:>8} {:>8}  {:>7} {:>7} {:>7}  dropped",

@@ -232,7 +232,7 @@ mod tests {
             ..CloudPoint::default()
         };
         let mut bytes = Vec::new();
-        write_records(&mut bytes, &points.iter().map(point).collect::<Vec<_>>(), 1.0).unwrap();
+        write_records(&mut bytes, &points.iter().map(point).collect::<Vec<_>>()).unwrap();
         bytes
     }
 

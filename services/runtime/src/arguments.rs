@@ -5,17 +5,20 @@ use std::path::{Path, PathBuf};
 use fringeflow::correspondence::{SegmentFileError, SegmentTable};
 use fringeflow_config::{ConfigurationError, ScannerConfiguration, SetupTextError};
 use fringeflow_dataset::{CALIBRATION_FILE, META_FILE, Setup, SetupError, SetupText};
-use fringeflow_lab::simulation::{read_configuration, setup_text};
+use fringeflow_lab::simulation::{read_configuration, read_virtual_configuration, setup_text};
 
 use crate::ServiceKind;
 use crate::processors::{self, AffinityError, ResourceGrants};
 
 /// Arguments that every service takes.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub struct ServiceArgs {
     /// Configuration of the scanner, see configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     pub config: PathBuf,
+    /// Let the virtual scanner take the images of the rig in the configuration, in the place of cameras and projector.
+    #[arg(long = "virtual")]
+    pub virtual_images: bool,
     /// Folder with meta.json and calibration.yml, instead of the rig in the configuration.
     #[arg(long, value_name = "FOLDER")]
     pub setup: Option<PathBuf>,
@@ -97,7 +100,8 @@ impl ServiceArgs {
         let named = [("--config", Some(&self.config)), ("--setup", self.setup.as_ref()), ("--segment-table", table)]
             .into_iter();
         let given = named.filter_map(|(name, path)| Some([name.to_owned(), path?.to_string_lossy().into_owned()]));
-        given.flatten().collect()
+        let virtual_images = self.virtual_images.then(|| "--virtual".to_owned());
+        given.flatten().chain(virtual_images).collect()
     }
 
     /// Reads the configuration.
@@ -105,7 +109,8 @@ impl ServiceArgs {
     /// # Errors
     /// [`ArgumentError::Configuration`].
     pub fn configuration(&self) -> Result<ScannerConfiguration, ArgumentError> {
-        Ok(read_configuration(&self.config)?)
+        let read = if self.virtual_images { read_virtual_configuration } else { read_configuration };
+        Ok(read(&self.config)?)
     }
 
     /// Checks that this process may use the CPUs that the configuration gives to services.

@@ -16,6 +16,7 @@ mod services;
 mod status_file;
 mod stop;
 mod transform;
+mod virtual_images;
 mod window_span;
 
 pub use account::{Account, AccountError, Arrivals, Source, accounts_folder, sent_messages, sources};
@@ -27,4 +28,5 @@ pub use recorder_status::{RecorderStatus, RecordingRate, free_bytes};
 pub use services::{ServiceKind, live_services, measurement_services};
 pub use stop::Stop;
 pub use transform::{Dropped, Transform, run_transform};
+pub use virtual_images::{has_virtual_images, note_virtual_images};
 pub use window_span::WindowSpan;

@@ -148,7 +148,7 @@ pub(crate) mod tests {
     /// The scanner of a small recording, and its segment table.
     pub(crate) fn scanner() -> (ScannerConfiguration, Setup, Arc<SegmentTable>) {
         let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings/tooth.toml");
-        let arguments = ServiceArgs { config, setup: None, segment_table: None, restarts: 0, supervised: false };
+        let arguments = ServiceArgs { config, ..ServiceArgs::default() };
         let configuration = arguments.configuration().unwrap();
         let setup = arguments.setup(&configuration).unwrap();
         let table = arguments.segment_table(&configuration, &setup).unwrap();

@@ -24,19 +24,21 @@ pub(crate) struct Display {
     logged_ns: u64,
     /// Whether the images are exposed live. Latencies since the exposure mean nothing in a replay.
     is_live: bool,
+    /// Whether no camera takes the images.
+    has_virtual_images: bool,
     /// Keeps log lines above the lines in the terminal.
     _diversion: Option<Redirection>,
 }
 
 impl Display {
-    pub(crate) fn new(is_live: bool) -> Self {
+    pub(crate) fn new(is_live: bool, has_virtual_images: bool) -> Self {
         let lines = stderr().is_terminal().then(MultiProgress::new);
         let headline = new_line(lines.as_ref());
         let diversion = lines.as_ref().map(|lines| {
             let lines = lines.clone();
             log::redirect(move |line| lines.suspend(|| stderr().write_all(line)))
         });
-        Self { lines, headline, stages: Vec::new(), logged_ns: 0, is_live, _diversion: diversion }
+        Self { lines, headline, stages: Vec::new(), logged_ns: 0, is_live, has_virtual_images, _diversion: diversion }
     }
 
     /// Returns whether the lines are drawn in a terminal.
@@ -55,13 +57,13 @@ impl Display {
         now_ns: u64,
     ) {
         if self.lines.is_some() {
-            self.headline.set_message(headline(state, recorder, waiting));
+            self.headline.set_message(headline(state, recorder, waiting, self.has_virtual_images));
             for (stage, stage_tally) in tally.stages() {
                 self.line_for(stage).set_message(stage_line(stage, stage_tally, now_ns));
             }
         } else if now_ns.saturating_sub(self.logged_ns) >= LOG_INTERVAL_NS {
             self.logged_ns = now_ns;
-            let scan_line = || log_line(tally, state, recorder, self.is_live, now_ns);
+            let scan_line = || log_line(tally, state, recorder, [self.is_live, self.has_virtual_images], now_ns);
             tracing::info!("{}", waiting.map_or_else(scan_line, str::to_owned));
         }
     }
@@ -101,18 +103,23 @@ fn style() -> ProgressStyle {
     ProgressStyle::with_template("{msg}").unwrap_or_else(|_| ProgressStyle::default_spinner())
 }
 
-/// Returns one line about the instance: what it waits for, or whether it scans and records. `recorder` says whether the
-/// recording has ended early, or the disk is nearly full.
+/// Returns one line about the instance: what it waits for, or whether it scans, which images, and records. `recorder`
+/// says whether the recording has ended early, or the disk is nearly full.
 #[must_use]
-pub fn headline(state: &ScanState, recorder: Option<&RecorderStatus>, waiting: Option<&str>) -> String {
-    let doing = waiting.unwrap_or_else(|| scanning(state));
+pub fn headline(
+    state: &ScanState,
+    recorder: Option<&RecorderStatus>,
+    waiting: Option<&str>,
+    has_virtual_images: bool,
+) -> String {
+    let doing = waiting.map_or_else(|| scanning(state, has_virtual_images), str::to_owned);
     let file = state.recording_file.to_text();
     if let Some(why) = recorder.and_then(|recorder| recorder.early_end_of(state)) {
         return format!("{doing}; the recording {file} has ended: {why}");
     }
     let full_in = recorder.and_then(RecorderStatus::full_in);
     let warning = full_in.map_or_else(String::new, |time| format!("; the disk will be full in {time}"));
-    if state.recording != 0 { format!("{doing}, recording to {file}{warning}") } else { doing.to_owned() }
+    if state.recording != 0 { format!("{doing}, recording to {file}{warning}") } else { doing }
 }
 
 /// Returns what an instance that has not scanned yet waits for: a preparation, or the start of its services. Works from
@@ -123,12 +130,19 @@ pub fn read_startup_status(instance: &Instance, state: &ScanState) -> Option<Str
     preparation.or_else(|| (state.revision == 0).then(|| "starting".to_owned()))
 }
 
-fn scanning(state: &ScanState) -> &'static str {
-    if state.scanning != 0 { "scanning" } else { "stopped" }
+fn scanning(state: &ScanState, has_virtual_images: bool) -> String {
+    let images = if has_virtual_images { " (virtual images)" } else { "" };
+    format!("{}{images}", if state.scanning != 0 { "scanning" } else { "stopped" })
 }
 
 /// Returns one line for the log: clouds per second, latency, drops by reason, silent stages.
-fn log_line(tally: &Tally, state: &ScanState, recorder: Option<&RecorderStatus>, is_live: bool, now_ns: u64) -> String {
+fn log_line(
+    tally: &Tally,
+    state: &ScanState,
+    recorder: Option<&RecorderStatus>,
+    [is_live, has_virtual_images]: [bool; 2],
+    now_ns: u64,
+) -> String {
     let recording = match recorder.and_then(|recorder| recorder.early_end_of(state)) {
         Some(why) => format!(", the recording has ended ({why})"),
         None if state.recording != 0 => ", recording".to_owned(),
@@ -140,7 +154,7 @@ fn log_line(tally: &Tally, state: &ScanState, recorder: Option<&RecorderStatus>,
     let dropped = join(", dropped: ", drops(tally).map(|(reason, count)| format!("{} {count}", reason.name())));
     let silent = tally.stages().filter(|(_, stage_tally)| stage_tally.is_silent(now_ns));
     let silent = join(", silent: ", silent.map(|(stage, _)| stage.name().to_owned()));
-    format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state))
+    format!("{}{recording}: {clouds_hz:.1} clouds/s{latency}{dropped}{silent}", scanning(state, has_virtual_images))
 }
 
 /// Returns how many items all stages dropped, by reason. Leaves out drops that the configuration asks for.
@@ -185,22 +199,22 @@ mod tests {
         let rate = RecordingRate::Measured(50.0);
         let running =
             RecorderStatus { recordings: 1, early_end: None, rate, room_mb: Some(20_000.0), is_nearly_full: false };
-        assert_eq!(headline(&state, Some(&running), None), "scanning, recording to /a.mcap");
+        assert_eq!(headline(&state, Some(&running), None, false), "scanning, recording to /a.mcap");
         let filling = RecorderStatus { is_nearly_full: true, ..running.clone() };
-        let line = headline(&state, Some(&filling), None);
+        let line = headline(&state, Some(&filling), None, false);
         assert_eq!(line, "scanning, recording to /a.mcap; the disk will be full in 6 min");
         let ended = RecorderStatus { early_end: Some("disk full".to_owned()), ..running };
-        assert_eq!(headline(&state, Some(&ended), None), "scanning; the recording /a.mcap has ended: disk full");
-        let line = log_line(&Tally::default(), &state, Some(&ended), true, 0);
+        assert_eq!(headline(&state, Some(&ended), None, false), "scanning; the recording /a.mcap has ended: disk full");
+        let line = log_line(&Tally::default(), &state, Some(&ended), [true, false], 0);
         assert_eq!(line, "scanning, the recording has ended (disk full): 0.0 clouds/s");
         let stopped = ScanState { scanning: 0, recording: 0, ..state };
-        assert_eq!(headline(&stopped, Some(&ended), None), "stopped");
+        assert_eq!(headline(&stopped, Some(&ended), None, false), "stopped");
     }
 
     #[test]
     fn the_log_line_shows_losses_and_silent_stages_but_no_zeros() {
         let (mut tally, state) = (Tally::default(), ScanState { scanning: 1, ..ScanState::default() });
-        assert_eq!(log_line(&tally, &state, None, true, 0), "scanning: 0.0 clouds/s");
+        assert_eq!(log_line(&tally, &state, None, [true; 2], 0), "scanning (virtual images): 0.0 clouds/s");
         let ms = 1_000_000;
         for stage in [Stage::Camera1, Stage::Camera2, Stage::Cloud] {
             let mut report =
@@ -209,8 +223,8 @@ mod tests {
             report.counts.drop_many(DropReason::BetweenWindows, 9);
             tally.add(&report);
         }
-        assert!(!log_line(&tally, &state, None, false, 0).contains("latency"));
-        let line = log_line(&tally, &state, None, true, 10_000 * ms);
+        assert!(!log_line(&tally, &state, None, [false; 2], 0).contains("latency"));
+        let line = log_line(&tally, &state, None, [true, false], 10_000 * ms);
         assert_eq!(
             line,
             "scanning: 0.0 clouds/s, latency p50 40 ms, dropped: overrun 6, silent: camera1, camera2, cloud"

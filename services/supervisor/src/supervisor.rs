@@ -15,10 +15,12 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use fringeflow_config::{CameraSource, ScannerConfiguration};
 use fringeflow_message::{DropReason, Stage};
 use fringeflow_recording::{Origin, UNFINISHED};
 use fringeflow_runtime::{
     Account, AccountError, Preparation, RecorderStatus, ServiceKind, Stop, accounts_folder, channel_sizes, clock,
+    note_virtual_images,
 };
 use fringeflow_transport::{Instance, InstanceLock, Node, check_shared_memory};
 
@@ -56,6 +58,7 @@ pub fn run<'s>(plan: &Plan, source: Option<&'s mut (dyn Source + 's)>) -> Result
     let accounts = accounts_folder(&instance);
     remove_accounts(&accounts)?;
     let outcome = write_external_config(&instance)
+        .and_then(|()| tell_virtual_images(&instance, &plan.configuration))
         .and_then(|()| Supervisor::start(plan, &instance, &accounts, source))
         .and_then(Supervisor::run);
     // The file describes a running instance, so it must not outlive it.
@@ -74,6 +77,15 @@ fn external_config(instance: &Instance) -> PathBuf {
 fn write_external_config(instance: &Instance) -> Result<(), RunError> {
     let result = fs::write(external_config(instance), instance.external_config()?);
     result.map_err(|source| RunError::System { what: "the configuration for other programs cannot be written", source })
+}
+
+/// Says in the log, and for `status`, that no camera takes the images.
+fn tell_virtual_images(instance: &Instance, configuration: &ScannerConfiguration) -> Result<(), RunError> {
+    if configuration.cameras == CameraSource::Virtual {
+        tracing::info!("the images are virtual: the virtual scanner takes them, no camera and no projector");
+    }
+    let noted = note_virtual_images(instance, configuration);
+    noted.map_err(|source| RunError::System { what: "the note about virtual images cannot be written", source })
 }
 
 /// Returns how long the loop may wait for messages before it must call the source again.
@@ -129,7 +141,8 @@ impl<'a, 's> Supervisor<'a, 's> {
         let node = Node::open(instance, "supervisor")?;
         let sizes = channel_sizes(&plan.setup, &plan.configuration);
         let ports = Ports::open(&node, &sizes)?;
-        let display = Display::new(source.is_none());
+        let has_virtual_images = plan.configuration.cameras == CameraSource::Virtual;
+        let display = Display::new(source.is_none(), has_virtual_images);
         let relays_log = display.is_terminal();
         let launch = |kind| Launch {
             program: plan.program.clone(),

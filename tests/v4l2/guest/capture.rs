@@ -31,8 +31,7 @@ impl<'a> Capture<'a> {
     /// Starts the service in an instance that scans. Its log goes to the output of the test.
     pub(crate) fn start(bench: &'a Bench) -> Self {
         let config = bench.configuration();
-        let arguments =
-            ServiceArgs { config: config.clone(), setup: None, segment_table: None, restarts: 0, supervised: false };
+        let arguments = ServiceArgs { config: config.clone(), ..ServiceArgs::default() };
         let configuration = arguments.configuration().unwrap();
         let sizes = channel_sizes(&arguments.setup(&configuration).unwrap(), &configuration);
         let witness = Witness::new(&bench.instance(), sizes);

@@ -1,18 +1,21 @@
 //! Reads the virtual scanner from a configuration.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use fringeflow::calibration::read_calibration;
+use fringeflow_base::grey::PixelFormat;
 use fringeflow_config::{
     ConfigurationError, ConfigurationProblem, FaultsTable, GivenRigFiles, RigSource, ScannerConfiguration,
     SetupTextError, SweepTable, VirtualScannerConfiguration,
 };
-use fringeflow_dataset::SetupText;
+use fringeflow_dataset::{Setup, SetupText};
+use fringeflow_pixels::{DeviceImages, SourceFormat};
 
+use super::view::MAX_SUPERSAMPLING;
 use super::{
-    FaultOptions, Faults, GivenRig, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner,
-    VirtualScannerOptions,
+    FaultOptions, Faults, GivenRig, Object, RigOptions, SimulationError, SimulationOptions, SweepOptions,
+    VirtualScanner, VirtualScannerOptions,
 };
 
 /// The table `[virtual_scanner]` of a configuration, checked.
@@ -52,6 +55,29 @@ impl ConfiguredScanner {
         Ok(Self { scanner, faults: faults(&table.faults, seed)?, cache: configuration.cache.clone() })
     }
 
+    /// Returns the options of a dataset that the scanner takes while it rests: with the rig, the pattern, and the region,
+    /// binning and format of the images that its setup states. `None` without a measurement volume.
+    #[must_use]
+    pub fn dataset_options(&self, setup: &Setup) -> Option<SimulationOptions> {
+        let scanner = &self.scanner;
+        let given = GivenRig { rig: setup.rig, volume: setup.volume?, pattern: setup.sequence.pattern };
+        let binning = setup.readout.binning();
+        Some(SimulationOptions {
+            board: scanner.board,
+            rig: scanner.rig.with_given(given),
+            steps: scanner.steps,
+            noise: scanner.noise,
+            binning,
+            images: DeviceImages::from(SourceFormat::from(setup.pixel_format.unwrap_or(PixelFormat::Grey))),
+            gamma: scanner.gamma,
+            exposure: scanner.exposure,
+            // A sum of pixels has the samples of all of them.
+            supersampling: (scanner.supersampling * binning).min(MAX_SUPERSAMPLING),
+            seed: scanner.seed,
+            ..SimulationOptions::usual(scanner.object)
+        })
+    }
+
     /// Returns the virtual scanner of an instance, or `None` if it has real cameras.
     ///
     /// # Errors
@@ -70,8 +96,22 @@ impl ConfiguredScanner {
 ///
 /// # Errors
 /// [`ConfigurationError`], which names file, key and value.
-pub fn read_configuration(file: &std::path::Path) -> Result<ScannerConfiguration, ConfigurationError> {
-    let configuration = ScannerConfiguration::read(file)?;
+pub fn read_configuration(file: &Path) -> Result<ScannerConfiguration, ConfigurationError> {
+    with_valid_scanner(ScannerConfiguration::read(file)?, file)
+}
+
+/// [`read_configuration`], with the virtual scanner in the place of cameras and projector.
+///
+/// # Errors
+/// As [`read_configuration`].
+pub fn read_virtual_configuration(file: &Path) -> Result<ScannerConfiguration, ConfigurationError> {
+    with_valid_scanner(ScannerConfiguration::read_virtual(file)?, file)
+}
+
+fn with_valid_scanner(
+    configuration: ScannerConfiguration,
+    file: &Path,
+) -> Result<ScannerConfiguration, ConfigurationError> {
     match ConfiguredScanner::from_scanner_configuration(&configuration) {
         Ok(_) => Ok(configuration),
         Err(problem) => Err(ConfigurationError { file: file.to_owned(), problem }),
@@ -156,11 +196,6 @@ fn word<T: FromStr<Err = SimulationError>>(
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
-
-    use fringeflow_base::grey::PixelFormat;
-    use fringeflow_dataset::Setup;
-
     use super::*;
 
     const DEMO: &str = include_str!("../../../../configs/demo.toml");

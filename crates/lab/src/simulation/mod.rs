@@ -55,7 +55,7 @@ mod virtual_scanner;
 pub use board::{Board, BoardApart};
 pub use calibration_error::CalibrationDeviation;
 pub use colour_filter::{Colour, ColourFilter};
-pub use configured::{ConfiguredScanner, read_configuration, setup_text};
+pub use configured::{ConfiguredScanner, read_configuration, read_virtual_configuration, setup_text};
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;

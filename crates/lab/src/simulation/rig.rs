@@ -120,7 +120,7 @@ impl RigOptions {
     }
 
     /// Whether the projector is as far from the volume as in the built-in rig.
-    pub(super) fn has_usual_light(&self) -> bool {
+    fn has_usual_light(&self) -> bool {
         let is_built_in = self.given.is_none() && self.projector_at_mm.is_none();
         is_built_in && self.arrangement.distance_m == Arrangement::TABLE_TOP.distance_m
     }
@@ -208,8 +208,12 @@ impl VirtualRig {
         })
     }
 
-    /// Light that the projector sends to the middle of the volume, relative to that of the built-in rig.
-    pub(super) fn light(&self) -> f64 {
+    /// Light that the projector sends to the middle of the volume, relative to that of the built-in rig. `options` are
+    /// those of this rig. The exposure of its cameras evens the light out.
+    pub(super) fn light(&self, options: &RigOptions) -> f64 {
+        if options.has_usual_light() {
+            return 1.0;
+        }
         let target = self.exact_volume.cam1_from_volume() * Point3::origin();
         (USUAL_DISTANCE_MM / ((target - self.exact.centre_of_projector()).norm() * MM_PER_M)).powi(2)
     }

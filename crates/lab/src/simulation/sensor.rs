@@ -72,6 +72,19 @@ pub struct ImageSeed {
     pub image: u32,
 }
 
+impl Noise {
+    /// The noise of the sum of `side` × `side` pixels: their electrons and the squares of their deviations add up.
+    #[must_use]
+    pub fn binned(self, side: usize) -> Self {
+        let side = side as f64;
+        Self {
+            full_well_e: self.full_well_e * side * side,
+            read_noise_e: self.read_noise_e * side,
+            prnu: self.prnu / side,
+        }
+    }
+}
+
 impl NoiseLevel {
     /// All levels, from low to high noise.
     pub const ALL: [Self; 4] = [Self::None, Self::Low, Self::Normal, Self::High];

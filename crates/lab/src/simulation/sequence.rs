@@ -46,6 +46,9 @@ pub struct SimulationOptions {
     pub white_and_black: bool,
     /// Noise of the cameras.
     pub noise: NoiseLevel,
+    /// Side of the squares of pixels that the cameras sum to one pixel of the rig: 1 if its pixels are those of the
+    /// sensor. Light and noise add up.
+    pub binning: usize,
     /// Format and arrangement of the images.
     pub images: DeviceImages,
     /// Exponent of the projector, 1 for a linear one.
@@ -71,6 +74,7 @@ impl SimulationOptions {
             gray: true,
             white_and_black: true,
             noise: NoiseLevel::Normal,
+            binning: 1,
             images: DeviceImages::default(),
             gamma: 1.0,
             exposure: 1.0,
@@ -339,10 +343,9 @@ impl Simulation {
         seed: ImageSeed,
     ) -> Result<Vec<GreyImage>, SimulationError> {
         let options = &self.options;
-        let usual = Sensor::exposed(options.noise.noise(), options.gamma);
-        // Another rig gets more or less light, which its exposure evens out.
-        let light = if options.rig.has_usual_light() { 1.0 } else { self.rig.light() };
-        let exposed = Sensor { gain: usual.gain * options.exposure / light, ..usual };
+        let noise = options.noise.noise().map(|noise| noise.binned(options.binning));
+        let usual = Sensor::exposed(noise, options.gamma);
+        let exposed = Sensor { gain: usual.gain * options.exposure / self.rig.light(&options.rig), ..usual };
         let sensors = device::filters(options.images.format()).into_iter().map(|filter| Sensor {
             format: device::sensor_format(options.images.format()),
             filter,
@@ -384,6 +387,9 @@ impl Simulation {
             && options.board != Board::BEHIND
         {
             remarks.insert("board".to_owned(), json!(board));
+        }
+        if options.binning > 1 {
+            remarks.insert("binning".to_owned(), json!(options.binning));
         }
         if let Some(at_mm) = options.rig.projector_at_mm {
             remarks.insert("projector_at_mm".to_owned(), json!(at_mm));

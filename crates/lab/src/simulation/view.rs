@@ -15,6 +15,9 @@ use super::solid::{Material, PointMm};
 use super::trace::{Hit, first_hit, is_free};
 use super::{SimulationError, check_range};
 
+/// Most samples along each side of a pixel.
+pub(super) const MAX_SUPERSAMPLING: usize = 4;
+
 /// A point on a surface as a camera sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
@@ -91,7 +94,7 @@ impl View {
         camera: CameraId,
         supersampling: usize,
     ) -> Result<Self, SimulationError> {
-        check_range("supersampling", supersampling as f64, 1.0, 4.0, "samples per side")?;
+        check_range("supersampling", supersampling as f64, 1.0, MAX_SUPERSAMPLING as f64, "samples per side")?;
         let eye = Eye::new(rig, scene, camera);
         let (width, height) = (eye.camera.width_px(), eye.camera.height_px());
         let centres = Centres::trace(&eye, width, height, previous);

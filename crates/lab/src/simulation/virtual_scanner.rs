@@ -16,6 +16,7 @@ use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::sequence::{UNIT, even_shifts_rad, remarks};
 use super::solid::MM_PER_M;
 use super::sweep::{Sweep, SweepOptions, SweepSpeed};
+use super::view::MAX_SUPERSAMPLING;
 use super::{Board, RigOptions, Scene, SimulationError, VirtualRig, check_range};
 
 /// Options of a virtual scanner.
@@ -83,7 +84,7 @@ impl VirtualScanner {
         check_range("the number of steps", options.steps as f64, 3.0, 16.0, "images")?;
         check_range("gamma", options.gamma, 0.2, 5.0, "")?;
         check_range("exposure", options.exposure, 0.01, 100.0, "")?;
-        check_range("supersampling", options.supersampling as f64, 1.0, 4.0, "samples per side")?;
+        check_range("supersampling", options.supersampling as f64, 1.0, MAX_SUPERSAMPLING as f64, "samples per side")?;
         let sweep = Sweep::new(options.sweep)?;
         let (poses, steps) = (sweep.poses(), options.steps);
         if !poses.is_multiple_of(steps) {
@@ -169,7 +170,8 @@ impl VirtualScanner {
     pub(super) fn sensor(&self) -> Sensor {
         let options = &self.options;
         let usual = Sensor::exposed(options.noise.noise(), options.gamma);
-        Sensor { format: options.format, gain: usual.gain * options.exposure, ..usual }
+        let gain = usual.gain * options.exposure / self.rig.light(&options.rig);
+        Sensor { format: options.format, gain, ..usual }
     }
 
     /// The pattern of a step.

@@ -9,8 +9,8 @@ use fringeflow_base::atomic_file::{WriteError, write_atomically};
 use super::model::Model;
 use super::surfel::Surfel;
 
-/// Name and type of each property, in the order of the file. `sigma` has the unit of `x y z`.
-const FIELDS: [(&str, Scalar); 9] = [
+/// Name and type of each property, in the order of the file. `sigma` has the unit of `x y z`; the colour is the grey level.
+const FIELDS: [(&str, Scalar); 12] = [
     ("x", Scalar::F32),
     ("y", Scalar::F32),
     ("z", Scalar::F32),
@@ -20,6 +20,9 @@ const FIELDS: [(&str, Scalar); 9] = [
     ("intensity", Scalar::U8),
     ("sigma", Scalar::F32),
     ("support", Scalar::U16),
+    ("red", Scalar::U8),
+    ("green", Scalar::U8),
+    ("blue", Scalar::U8),
 ];
 
 /// Writes the surfels with enough support, and returns their number.
@@ -47,7 +50,9 @@ fn write(out: &mut impl Write, surfel: &Surfel, per_metre: f64) -> io::Result<()
     for value in position.iter().chain(surfel.normal().iter()) {
         out.write_all(&(*value as f32).to_le_bytes())?;
     }
-    out.write_all(&[surfel.intensity.round() as u8])?;
+    let grey = surfel.intensity.round() as u8;
+    out.write_all(&[grey])?;
     out.write_all(&((surfel.sigma_m() * per_metre) as f32).to_le_bytes())?;
-    out.write_all(&u16::try_from(surfel.support).unwrap_or(u16::MAX).to_le_bytes())
+    out.write_all(&u16::try_from(surfel.support).unwrap_or(u16::MAX).to_le_bytes())?;
+    out.write_all(&[grey; 3])
 }

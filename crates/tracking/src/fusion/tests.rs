@@ -163,14 +163,15 @@ fn the_file_holds_the_supported_surfels() {
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     assert!(header.contains("comment unit mm\n") && header.contains("comment origin cam1 at the first of 7 clouds\n"));
-    assert!(
-        header.contains("property float nz\nproperty uchar intensity\nproperty float sigma\nproperty ushort support\n")
-    );
-    assert_eq!(bytes.len() - end, count * 31);
+    let fields =
+        ["float nz", "uchar intensity", "float sigma", "uint16 support", "uchar red", "uchar green", "uchar blue"];
+    assert!(header.contains(&fields.map(|field| format!("property {field}\n")).concat()), "{header}");
+    assert_eq!(bytes.len() - end, count * 34);
     let first = tracker.model().supported(3).next().unwrap();
     assert_eq!(bytes[end..end + 4], ((first.position().x * 1e3) as f32).to_le_bytes());
     assert_eq!(bytes[end + 24], 100);
     assert_eq!(bytes[end + 25..end + 29], ((first.sigma_m() * 1e3) as f32).to_le_bytes());
+    assert_eq!(bytes[end + 31..end + 34], [100; 3]);
 }
 
 #[test]

@@ -10,14 +10,13 @@
 
 use std::borrow::Borrow;
 
-use fringeflow::cloud::CloudPoint;
+use fringeflow::cloud::{CloudPoint, Normals};
 use fringeflow::correspondence::KnownDrift;
 use fringeflow::geometry::{Camera, Pose};
 use fringeflow::prior::{Prior, Relief, RigidMotion};
 
 use crate::registration::{
-    Lost, Normals, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, SampledPoints,
-    register_loosely,
+    Lost, OrganizedSurface, PoseCovariance, Registration, RegistrationSettings, SampledPoints, register_loosely,
 };
 
 use super::closure::Closure;
@@ -248,7 +247,7 @@ impl Tracker {
     }
 
     fn start_model(&mut self, time_ns: u64) -> Tracked {
-        self.normals.compute(&mut self.surface);
+        self.surface.compute_normals(&mut self.normals);
         let with_normal = self.surface.normal_count();
         let least = self.settings.registration.min_associated;
         let (model_from_cam1, covariance) = (Pose::identity(), PoseCovariance::zero());
@@ -296,7 +295,7 @@ impl Tracker {
         self.unmerged += 1;
         let is_due = self.unmerged >= self.settings.merge_every || matches!(tracking, Tracking::Relocalized(_));
         let merged = if is_due {
-            self.normals.compute(&mut self.surface);
+            self.surface.compute_normals(&mut self.normals);
             self.merge(&model_from_cam1, covariance, registration.excess)
         } else {
             Merged::default()

@@ -8,24 +8,21 @@
 //! minimized (Chen and Medioni 1992, "Object modelling by registration of multiple range images"). They are weighted by
 //! predicted noise and by a robust estimator. The number of points grows from level to level.
 //!
-//! Normals cost about 0.08 µs per point; a registration of 8,000 points costs 8 ms of one core. Sums run over fixed
-//! tiles of the image and are added in order, so the same input gives the same bits for any number of threads.
+//! A registration of 8,000 points costs 8 ms of one core. Sums run over fixed tiles of the image and are added in order,
+//! so the same input gives the same bits for any number of threads.
 
 mod association;
 mod covariance;
 mod equations;
 mod icp;
-mod normals;
 mod outcome;
 mod smooth_error;
 mod surface;
 mod thinning;
-mod window;
 
 pub(crate) use association::with_matrix;
 pub use covariance::PoseCovariance;
 pub use icp::{register, register_loosely};
-pub use normals::Normals;
 pub use outcome::{Lost, Registration, RegistrationSettings};
 pub(crate) use surface::point_of;
 pub use surface::{OrganizedSurface, SurfacePoint};

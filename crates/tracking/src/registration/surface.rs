@@ -5,7 +5,7 @@
 
 use std::borrow::Borrow;
 
-use fringeflow::cloud::CloudPoint;
+use fringeflow::cloud::{CloudPoint, MeasuredPixel, Normals, PointImage};
 use fringeflow::geometry::{Point3, Vector3};
 
 /// A point of a surface.
@@ -42,24 +42,13 @@ pub(crate) fn point_of([x, y, z]: [f32; 3]) -> Point3 {
     Point3::new(f64::from(x), f64::from(y), f64::from(z))
 }
 
-/// A pixel: position in the frame of C1, x, y, z, and standard deviation along the ray, metres. Without a point, z is
-/// NaN, and the others mean nothing.
-pub(super) type MeasuredPixel = [f32; 4];
-
-/// The points of an image of camera 1, row by row.
-#[derive(Clone, Debug, Default)]
-pub(super) struct PointImage {
-    pub(super) size_px: [usize; 2],
-    pub(super) pixels: Vec<MeasuredPixel>,
-    intensity: Vec<u8>,
-}
-
 /// The points of a surface, addressed by their pixel of C1.
 #[derive(Clone, Debug, Default)]
 pub struct OrganizedSurface {
-    pub(super) points: PointImage,
+    points: PointImage,
+    intensity: Vec<u8>,
     /// Unit normals towards C1; the first component is NaN if there is none.
-    pub(super) normals: [Vec<f32>; 3],
+    normals: [Vec<f32>; 3],
     count: usize,
     centre: Point3,
 }
@@ -71,18 +60,13 @@ impl OrganizedSurface {
     /// later one stays.
     pub fn organize(&mut self, cloud: impl IntoIterator<Item: Borrow<CloudPoint>>, size_px: [usize; 2]) {
         self.clear(size_px);
-        let [width, height] = size_px;
         let (mut sum, mut count) = (Vector3::zeros(), 0_usize);
-        let PointImage { pixels, intensity, .. } = &mut self.points;
         for point in cloud {
-            let CloudPoint { position_m, cam1_px, sigma_m: sigma, intensity: grey, .. } = *point.borrow();
-            let [u, v] = [usize::from(cam1_px[0]), usize::from(cam1_px[1])];
-            let is_measured = position_m[2] > 0.0 && sigma.is_finite();
-            if u < width && v < height && is_measured {
-                let ([x, y, z], index) = (position_m, v * width + u);
-                (pixels[index], intensity[index]) = ([x, y, z, sigma], grey);
+            let point = point.borrow();
+            if let Some(index) = self.points.put(point) {
+                self.intensity[index] = point.intensity;
                 count += 1;
-                sum += point_of(position_m).coords;
+                sum += point_of(point.position_m).coords;
             }
         }
         self.count = count;
@@ -91,14 +75,17 @@ impl OrganizedSurface {
 
     /// Removes all points.
     fn clear(&mut self, size_px: [usize; 2]) {
-        let pixels = size_px[0] * size_px[1];
-        let Self { points, normals, .. } = self;
-        points.size_px = size_px;
-        points.pixels.clear();
-        points.pixels.resize(pixels, [f32::NAN; 4]);
-        points.intensity.resize(pixels, 0);
+        let Self { points, intensity, normals, .. } = self;
+        points.clear(size_px);
+        let pixels = points.pixels.len();
+        intensity.resize(pixels, 0);
         normals.iter_mut().for_each(|plane| plane.resize(pixels, f32::NAN));
         normals[0].fill(f32::NAN);
+    }
+
+    /// Computes the normals of all points that have one.
+    pub fn compute_normals(&mut self, normals: &mut Normals) {
+        normals.compute(&self.points, &mut self.normals);
     }
 
     /// Width and height of the image, pixels.
@@ -177,7 +164,7 @@ impl OrganizedSurface {
             position_m: [x, y, z],
             normal: (!a[index].is_nan()).then(|| [a[index], b[index], c[index]]),
             sigma_m,
-            intensity: self.points.intensity[index],
+            intensity: self.intensity[index],
             cam1_px,
         })
     }

@@ -4,7 +4,7 @@ use nalgebra::Vector6;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use fringeflow::cloud::{Cloud, CloudPoint};
+use fringeflow::cloud::{Cloud, CloudPoint, Normals};
 use fringeflow::geometry::{Camera, Distortion, Pixel, Point3, Pose, Vector3};
 
 use super::*;
@@ -56,7 +56,7 @@ pub(crate) fn surface_of(
     let cloud = cloud_of(camera, sigma_m, seed, meet);
     let mut surface = OrganizedSurface::default();
     surface.organize(&cloud.points, [camera.width_px(), camera.height_px()]);
-    Normals::default().compute(&mut surface);
+    surface.compute_normals(&mut Normals::default());
     surface
 }
 
@@ -68,11 +68,6 @@ pub(crate) fn sample_of(
     meet: impl Fn(&Vector3) -> Option<Point3>,
 ) -> SampledPoints {
     SampledPoints::of_surface(&surface_of(camera, sigma_m, seed, meet), usize::MAX)
-}
-
-/// All points of a surface, row by row.
-pub(crate) fn points(surface: &OrganizedSurface) -> Vec<SurfacePoint> {
-    (0..surface.size_px()[1]).flat_map(|row| surface.row(row)).collect()
 }
 
 /// Intersects the ray of a camera at `world_from_cam1` with hills of a height, about 0.3 m away.

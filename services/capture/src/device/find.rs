@@ -12,9 +12,10 @@ use rustix::io::Errno;
 
 use fringeflow_config::DeviceName;
 
-use crate::ioctl::Device;
+use crate::ioctl::{CallError, Device};
 
 use super::capability::Capability;
+use super::file_kind;
 
 /// Folder in which the kernel lists the nodes.
 const CLASS: &str = "/sys/class/video4linux";
@@ -44,9 +45,17 @@ pub enum OpenError {
         #[source]
         source: io::Error,
     },
-    /// The node does not answer as a V4L2 device.
-    #[error("{} does not answer as a V4L2 device: {call}: {source}", path.display())]
+    /// The path is not that of a V4L2 camera.
+    #[error("{} is no V4L2 camera, but {what}; `fringeflow cameras` lists the cameras", path.display())]
     NotV4l2 {
+        /// The path.
+        path: PathBuf,
+        /// What it is instead, in words.
+        what: String,
+    },
+    /// The node does not tell what it is.
+    #[error("{} does not answer: {call}: {source}", path.display())]
+    NoAnswer {
         /// Its path.
         path: PathBuf,
         /// The refused call.
@@ -61,10 +70,12 @@ pub enum OpenError {
 #[derive(Debug, thiserror::Error)]
 pub enum FindError {
     /// No device has the name.
-    #[error("{name} was not found; {}", AvailableText(available))]
+    #[error("{name} was not found{}; {}", LinkText(target.as_deref()), AvailableText(available))]
     Absent {
         /// The name.
         name: DeviceName,
+        /// Where the name leads, if it is a link to a node that does not exist.
+        target: Option<PathBuf>,
         /// Cameras that are available, and nodes that cannot be queried.
         available: Vec<String>,
     },
@@ -88,7 +99,21 @@ impl FindError {
         match self {
             Self::Absent { .. } => false,
             Self::Ambiguous { .. } => true,
-            Self::Unopened(OpenError::Open { source, .. } | OpenError::NotV4l2 { source, .. }) => is_lasting(source),
+            Self::Unopened(OpenError::NotV4l2 { .. }) => true,
+            Self::Unopened(OpenError::Open { source, .. } | OpenError::NoAnswer { source, .. }) => is_lasting(source),
+        }
+    }
+}
+
+struct LinkText<'a>(Option<&'a Path>);
+
+impl fmt::Display for LinkText<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            None => Ok(()),
+            Some(target) => {
+                write!(f, ": it is a link to {}, which does not exist (is the camera plugged in?)", target.display())
+            }
         }
     }
 }
@@ -107,7 +132,10 @@ impl fmt::Display for AvailableText<'_> {
 /// Tells what to do about an error.
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
-        io::ErrorKind::PermissionDenied => "; add the user to the group \"video\" and log in again",
+        io::ErrorKind::PermissionDenied => {
+            "; add the user to the group \"video\" and log in again; in a container, pass the device to it (--device)"
+        }
+        io::ErrorKind::ResourceBusy => "; another program uses the device: close it",
         _ => "",
     }
 }
@@ -166,16 +194,24 @@ fn read_node(path: &Path, folder: &Path) -> Node {
 }
 
 fn read_capability(path: &Path) -> Result<Capability, OpenError> {
-    let not_v4l2 = |call, source| OpenError::NotV4l2 { path: path.to_owned(), call, source };
-    Capability::read(&open_node(path)?).map_err(|error| not_v4l2(error.call, error.source))
+    Ok(open_node(path)?.1)
 }
 
-/// Opens a node.
+/// Opens a node, and reads what it reports about itself.
 ///
 /// # Errors
-/// The system refuses it.
-pub(crate) fn open_node(path: &Path) -> Result<Device, OpenError> {
-    Device::open(path).map_err(|source| OpenError::Open { path: path.to_owned(), source })
+/// The path is not that of a V4L2 device, or the system refuses it.
+pub(crate) fn open_node(path: &Path) -> Result<(Device, Capability), OpenError> {
+    let not_v4l2 = |what| OpenError::NotV4l2 { path: path.to_owned(), what };
+    if let Some(what) = file_kind::other_than_v4l2(path) {
+        return Err(not_v4l2(what));
+    }
+    let device = Device::open(path).map_err(|source| OpenError::Open { path: path.to_owned(), source })?;
+    match Capability::read(&device) {
+        Ok(capability) => Ok((device, capability)),
+        Err(error) if error.errno() == Some(Errno::NOTTY) => Err(not_v4l2(file_kind::other_v4l2_node(path))),
+        Err(CallError { call, source }) => Err(OpenError::NoAnswer { path: path.to_owned(), call, source }),
+    }
 }
 
 /// Returns the number of a node: `video7` → 7. Other nodes of the class carry no images.
@@ -210,10 +246,20 @@ fn choose_node(name: &DeviceName, nodes: Vec<Node>) -> Result<PathBuf, FindError
         }
     }
     match cameras.len() {
-        0 => Err(FindError::Absent { name: name.clone(), available: others.iter().filter_map(node_text).collect() }),
+        0 => Err(FindError::Absent {
+            name: name.clone(),
+            target: dangling_target(name),
+            available: others.iter().filter_map(node_text).collect(),
+        }),
         1 => Ok(cameras.swap_remove(0)),
         _ => Err(FindError::Ambiguous { name: name.clone(), nodes: cameras }),
     }
+}
+
+/// Returns where a path leads, if it is a link to nothing.
+fn dangling_target(name: &DeviceName) -> Option<PathBuf> {
+    let DeviceName::Path(path) = name else { return None };
+    fs::read_link(path).ok().filter(|_| !path.exists())
 }
 
 /// Describes a node in a list of the available ones; returns `None` if it is not a camera.

@@ -114,7 +114,7 @@ impl Listing {
         self.driver.clone_from(&capability.driver);
         self.bus_info.clone_from(&capability.bus_info);
         let device = match open_node(&self.path) {
-            Ok(device) => device,
+            Ok((device, _)) => device,
             Err(error) => return self.problems.push(error.to_string()),
         };
         match capability.buffer_type() {

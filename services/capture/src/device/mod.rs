@@ -10,6 +10,7 @@
 mod capability;
 mod controls;
 mod extension_units;
+mod file_kind;
 mod find;
 mod format;
 mod inventory;

@@ -105,21 +105,25 @@ impl PrepareError {
 ///
 /// # Errors
 /// The device is not a camera, does not take a setting as written, or is gone or busy.
-pub(crate) fn prepare(device: &Device, camera: &V4l2Camera, wanted: &Wanted) -> Result<Prepared, PrepareError> {
+pub(crate) fn prepare(
+    device: &Device,
+    capability: &Capability,
+    camera: &V4l2Camera,
+    wanted: &Wanted,
+) -> Result<Prepared, PrepareError> {
     let rate_hz = wanted.rate_hz;
-    let capability = Capability::read(device)?;
-    let kind = buffer_type(&capability)?;
+    let kind = buffer_type(capability)?;
     let signal = camera.video_timings.map(|wanted| timings::set(device, wanted)).transpose()?;
     let controls = controls::list_controls(device)?;
     let [before, after] = split_settings(&controls, &camera.controls);
     // Controls that rotate or crop the images change the format, so they are set before it.
     setting::set(device, &controls, &before).map_err(PrepareError::Controls)?;
-    let layout = format::set(device, kind, wanted).map_err(|error| format_error(&capability, error))?;
+    let layout = format::set(device, kind, wanted).map_err(|error| format_error(capability, error))?;
     if camera.set_rate {
         rate::set(device, kind, rate_hz)?;
     }
     setting::set(device, &controls, &after).map_err(PrepareError::Controls)?;
-    let units = extension_units::set(device, &capability, &camera.extension_units)?;
+    let units = extension_units::set(device, capability, &camera.extension_units)?;
     let mut notes = vec![format_text(layout.code, layout.size_px)];
     // Only now: a later setting may have changed an earlier one, or the format.
     let read = setting::read_back(device, &controls, &camera.controls).map_err(PrepareError::Controls)?;

@@ -68,7 +68,7 @@ impl CameraError {
 }
 
 /// Finds both cameras, sets them as configured, reads the settings back, and closes them. Without `wanted` the cameras
-/// are only found.
+/// are only found and opened.
 pub fn check_cameras(cameras: &[V4l2Camera; 2], wanted: Option<&Wanted>) -> [Result<ReadyCamera, CameraError>; 2] {
     let check = |camera, path| check_at(camera, path, wanted);
     let [cam1, cam2] = cameras;
@@ -94,6 +94,7 @@ pub fn check_stereo_camera(camera: &V4l2Camera, wanted: Option<&Wanted>) -> Resu
 
 fn check_at(camera: &V4l2Camera, path: PathBuf, wanted: Option<&Wanted>) -> Result<ReadyCamera, CameraError> {
     let Some(wanted) = wanted else {
+        open_node(&path).map_err(FindError::Unopened)?;
         return Ok(ReadyCamera { path, notes: vec!["not set, because the size of its images is unknown".to_owned()] });
     };
     let (device, prepared) = open_at(&path, camera, wanted)?;
@@ -125,8 +126,8 @@ pub(crate) fn open(camera: &V4l2Camera, wanted: &Wanted) -> Result<(PathBuf, Dev
 }
 
 fn open_at(path: &Path, camera: &V4l2Camera, wanted: &Wanted) -> Result<(Device, Prepared), CameraError> {
-    let device = open_node(path).map_err(FindError::Unopened)?;
-    match prepare(&device, camera, wanted) {
+    let (device, capability) = open_node(path).map_err(FindError::Unopened)?;
+    match prepare(&device, &capability, camera, wanted) {
         Ok(prepared) => Ok((device, prepared)),
         Err(source) => Err(CameraError::Prepare { path: path.to_owned(), source }),
     }

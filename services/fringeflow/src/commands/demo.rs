@@ -49,7 +49,7 @@ impl Args {
         let config = self.output.join("demo.toml");
         output_folder::prepare(&self.output)?;
         write_configuration(&config)?;
-        let arguments = ServiceArgs { config, setup: None, segment_table: None, restarts: 0, supervised: false };
+        let arguments = ServiceArgs { config, ..ServiceArgs::default() };
         self.scan.run(&arguments, globals)
     }
 }

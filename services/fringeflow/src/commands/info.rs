@@ -1,7 +1,8 @@
 //! `fringeflow info`: shows the contents of a recording.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use fringeflow_config::{CameraSource, ScannerConfiguration};
 use fringeflow_recording::{Content, Recording, RecordingError, Summary, Topic};
 use fringeflow_telemetry::HealthRecord;
 
@@ -25,7 +26,8 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&["input", "j
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let recording = Recording::open(&self.input)?;
-        let report = Report { summary: recording.summary()?, health: health(&recording)? };
+        let virtual_images = has_virtual_images(&recording);
+        let report = Report { summary: recording.summary()?, virtual_images, health: health(&recording)? };
         if self.json { json::print(&report) } else { Ok(print(&mut std::io::stdout().lock(), &report)?) }
     }
 }
@@ -34,9 +36,17 @@ impl Args {
 struct Report {
     #[serde(flatten)]
     summary: Summary,
+    /// Whether the virtual scanner took the images, by the recorded configuration.
+    virtual_images: bool,
     /// Health over all recorded windows; empty if they do not report it.
     #[serde(skip_serializing_if = "HealthRecord::is_empty")]
     health: HealthRecord,
+}
+
+/// Whether the recorded configuration has virtual cameras.
+fn has_virtual_images(recording: &Recording) -> bool {
+    let configuration = ScannerConfiguration::parse_recorded(recording.configuration_text(), Path::new("."));
+    configuration.is_ok_and(|configuration| configuration.cameras == CameraSource::Virtual)
 }
 
 /// Collects the health of the scanner from the recorded windows.
@@ -50,14 +60,18 @@ fn health(recording: &Recording) -> Result<HealthRecord, RecordingError> {
     Ok(record)
 }
 
-fn print(out: &mut impl std::io::Write, Report { summary: s, health }: &Report) -> std::io::Result<()> {
+fn print(out: &mut impl std::io::Write, Report { summary: s, virtual_images, health }: &Report) -> std::io::Result<()> {
     let [width, height] = s.image_size_px;
     let origin = &s.origin;
     let megabytes = s.bytes as f64 * 1e-6;
     writeln!(
         out,
-        "{}: {:.2} s, {megabytes:.1} MB, {width} × {height} pixels, {} steps, {}",
-        s.name, s.duration_s, s.steps, s.pixel_format
+        "{}: {:.2} s, {megabytes:.1} MB, {width} × {height} pixels, {} steps, {}{}",
+        s.name,
+        s.duration_s,
+        s.steps,
+        s.pixel_format,
+        if *virtual_images { ", virtual images" } else { "" }
     )?;
     let known = |text: &str| if text.is_empty() { "–".to_owned() } else { text.to_owned() };
     writeln!(

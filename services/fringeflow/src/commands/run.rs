@@ -20,6 +20,12 @@ pub(crate) struct Args {
     /// Configuration of the scanner, see configs/scanner.toml and configs/demo.toml.
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
+    /// Let the virtual scanner take the images of this rig, in the place of its cameras and its projector.
+    ///
+    /// Rig, pattern, volume, rate, and size, region, binning and depth of the images are those of the configuration. Table
+    /// [virtual_scanner] may name object, noise and motion; without a motion the scanner rests.
+    #[arg(long = "virtual")]
+    virtual_images: bool,
     /// File of the segment table. It is read if it exists, else computed and written.
     #[arg(long, value_name = "FILE")]
     segment_table: Option<PathBuf>,
@@ -57,7 +63,7 @@ pub(super) struct ScanArgs {
 
 /// Where the options act.
 pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
-    always: &["config", "segment_table", "json", "threads", "simd", "log_format"],
+    always: &["config", "virtual_images", "segment_table", "json", "threads", "simd", "log_format"],
     choices: &[&[
         Mode { name: "with --check", is_chosen: |args| args.check, options: &["check"] },
         Mode {
@@ -73,10 +79,9 @@ impl Args {
         globals.start_log("run");
         let arguments = ServiceArgs {
             config: self.config.clone(),
-            setup: None,
+            virtual_images: self.virtual_images,
             segment_table: self.segment_table.clone(),
-            restarts: 0,
-            supervised: false,
+            ..ServiceArgs::default()
         };
         if self.check { scanner_check::check(&arguments, self.scan.json) } else { self.scan.run(&arguments, globals) }
     }
@@ -95,7 +100,7 @@ impl ScanArgs {
         let outcome = run(&plan, None)?;
         let page = RunPage { plan: &plan, outcome: &outcome };
         let report = if self.no_report { None } else { page.write(self.report.as_deref()) };
-        run_summary::print(&Summary::from_run(&outcome, report.as_deref()), self.json)?;
+        run_summary::print(&Summary::from_run(&plan, &outcome, report.as_deref()), self.json)?;
         run_summary::check(&outcome)
     }
 

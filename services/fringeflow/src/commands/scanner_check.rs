@@ -146,8 +146,8 @@ pub(super) fn refuse_settings(configuration: &ScannerConfiguration, setup: &Setu
 
 fn shared_memory(configuration: &ScannerConfiguration, setup: &Setup) -> Result<String, Failure> {
     let sizes = channel_sizes(setup, configuration);
-    check_shared_memory(&sizes)?;
-    Ok(format!("{} MiB are needed and available", required_bytes(&sizes).div_ceil(MIB)))
+    let folder = check_shared_memory(&sizes)?;
+    Ok(format!("{}: {} MiB are needed and available", folder.display(), required_bytes(&sizes).div_ceil(MIB)))
 }
 
 /// Checks the runtime folder: takes the lock of the instance and releases it.
@@ -160,8 +160,11 @@ fn runtime_folder(configuration: &ScannerConfiguration) -> Result<String, Failur
 /// Checks that the folder of the recordings can be written, or created, and that the disk has free space.
 fn recorder(recorder: &RecorderConfiguration) -> Result<String, String> {
     let folder = std::path::absolute(&recorder.folder).map_err(|e| format!("{}: {e}", recorder.folder.display()))?;
-    let exists = |folder: &&Path| folder.is_dir();
+    let exists = |path: &&Path| path.symlink_metadata().is_ok();
     let existing = folder.ancestors().find(exists).unwrap_or(Path::new("/"));
+    if !existing.is_dir() {
+        return Err(format!("{}: it is not a folder; name another folder as recorder.folder", existing.display()));
+    }
     let fail = |e: rustix::io::Errno| format!("{}: {e}; name another folder as recorder.folder", existing.display());
     access(existing, Access::WRITE_OK | Access::EXEC_OK).map_err(fail)?;
     let disk = statvfs(existing).map_err(fail)?;

@@ -44,7 +44,7 @@ enum Service {
 
 /// Where the options act.
 pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
-    always: &["config", "setup", "restarts", "supervised", "threads", "simd", "log_format"],
+    always: &["config", "virtual_images", "setup", "restarts", "supervised", "threads", "simd", "log_format"],
     choices: &[&[
         Mode {
             name: "for correspondence and cloud",

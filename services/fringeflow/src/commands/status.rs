@@ -6,7 +6,7 @@ use std::io::Write;
 use fringeflow_config::SERVICES;
 use fringeflow_message::{Command, ControlRequest, ScanState, Stage};
 use fringeflow_runtime::processors::ResourceGrants;
-use fringeflow_runtime::{Preparation, RecorderStatus, accounts_folder, clock};
+use fringeflow_runtime::{Preparation, RecorderStatus, accounts_folder, clock, has_virtual_images};
 use fringeflow_supervisor::{Observed, headline, observe, read_startup_status, stage_line};
 use fringeflow_telemetry::{
     Capacity, GaugeFigures, HealthFigures, Latency, StageFigures, StageTally, Tally, TrackingFigures, Verdict,
@@ -37,6 +37,8 @@ pub(crate) struct Args {
 struct Report {
     instance: String,
     scanning: bool,
+    /// Whether the virtual scanner takes the images.
+    virtual_images: bool,
     /// Preparation of a service that the scan waits for.
     preparation: Option<Preparation>,
     /// File of the recording that was asked for.
@@ -105,7 +107,8 @@ impl Args {
         let now_ns = clock::now_ns();
         let waiting = read_startup_status(instance, &state);
         let recorder = RecorderStatus::read(instance);
-        writeln!(out, "{}: {}", instance.name(), headline(&state, recorder.as_ref(), waiting.as_deref()))?;
+        let headline = headline(&state, recorder.as_ref(), waiting.as_deref(), has_virtual_images(instance));
+        writeln!(out, "{}: {headline}", instance.name())?;
         if let Some(url) = dashboard_url(instance) {
             writeln!(out, "dashboard: {url}")?;
         }
@@ -142,6 +145,7 @@ impl Report {
         Self {
             instance: instance.name().to_owned(),
             scanning: state.scanning != 0,
+            virtual_images: has_virtual_images(instance),
             preparation: Preparation::read(instance),
             dashboard: dashboard_url(instance),
             recording: (state.recording != 0).then(|| state.recording_file.to_text()),

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use fringeflow_message::{Command, ControlRequest, ControlResponse};
-use fringeflow_runtime::{RecorderStatus, dashboard_file};
+use fringeflow_runtime::{RecorderStatus, dashboard_file, has_virtual_images};
 use fringeflow_supervisor::{headline, read_startup_status};
 use fringeflow_transport::{Instance, StartedInstance, TransportError, request};
 
@@ -48,8 +48,8 @@ fn entry(StartedInstance { instance, since }: &StartedInstance) -> Option<Entry>
     let state_request = ControlRequest { command: Command::State as u32, ..ControlRequest::default() };
     let state = match request(instance, &state_request, RESPONSE_TIMEOUT) {
         Ok(ControlResponse { state, .. }) => {
-            let recorder = RecorderStatus::read(instance);
-            headline(&state, recorder.as_ref(), read_startup_status(instance, &state).as_deref())
+            let (recorder, waiting) = (RecorderStatus::read(instance), read_startup_status(instance, &state));
+            headline(&state, recorder.as_ref(), waiting.as_deref(), has_virtual_images(instance))
         }
         Err(TransportError::NotRunning { .. }) => return None,
         Err(error) => error.to_string(),

@@ -22,6 +22,8 @@ pub(crate) struct RunInfo<'a> {
     pub(crate) origin: Origin,
     /// Width and height of the images, pixels.
     pub(crate) image_size_px: [usize; 2],
+    /// Whether the virtual scanner took the images.
+    pub(crate) virtual_images: bool,
     /// Steps of the shift cycle.
     pub(crate) steps: usize,
     /// The recording from which the figures come, or which the run made.

@@ -80,6 +80,7 @@ mod tests {
             version: "0",
             origin: Origin { host: HOSTILE.to_owned(), ..Origin::default() },
             image_size_px: [4, 3],
+            virtual_images: false,
             steps: 4,
             recording: Some(Path::new(HOSTILE)),
             is_recorded: true,

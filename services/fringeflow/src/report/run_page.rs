@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, UNIX_EPOCH};
 
 use fringeflow_base::atomic_file::{WriteError, WriteProblem, write_atomically, write_new};
+use fringeflow_config::CameraSource;
 use fringeflow_supervisor::{Outcome, Plan, timestamped_path};
 
 use crate::output_folder;
@@ -38,6 +39,7 @@ impl RunPage<'_> {
             version: env!("CARGO_PKG_VERSION"),
             origin: outcome.origin.clone(),
             image_size_px: plan.setup.image_size_px,
+            virtual_images: plan.configuration.cameras == CameraSource::Virtual,
             steps: plan.setup.steps,
             recording: outcome.recording.as_deref(),
             is_recorded: false,

@@ -53,8 +53,42 @@ fn the_check_reports_all_problems_at_once() {
     assert!(problem("recorder").contains("recorder.min_free_mb keeps 16000000 MiB free"));
     assert!(found.iter().any(|(what, ready, _)| what == "runtime folder" && *ready));
     bench.assert_refused(&[&"cameras", &"/dev/no-camera"], &["/dev/no-camera was not found"]);
-    bench.assert_refused(&[&"cameras", &"/dev/null"], &["/dev/null does not answer as a V4L2 device"]);
+    bench.assert_refused(
+        &[&"cameras", &"/dev/null"],
+        &["/dev/null is no V4L2 camera, but a device of ", "`fringeflow cameras` lists the cameras"],
+    );
     bench.assert_nothing_left();
+}
+
+#[test]
+fn the_check_says_what_a_path_is_if_it_is_no_camera() {
+    let bench = Bench::new();
+    let [file, link, gone] = ["image.png", "camera", "gone"].map(|name| bench.path(name));
+    std::fs::write(&file, "").unwrap();
+    std::os::unix::fs::symlink(&gone, &link).unwrap();
+    let linked = format!("{} was not found: it is a link to {}, which does not exist", link.display(), gone.display());
+    for (device, says) in [
+        (file.as_path(), "is no V4L2 camera, but a file; `fringeflow cameras` lists the cameras"),
+        (bench.runtime_dir().parent().unwrap(), "is no V4L2 camera, but a folder; "),
+        (std::path::Path::new("/dev/null"), "is no V4L2 camera, but a device of "),
+        (&link, &linked),
+    ] {
+        let devices =
+            format!("rate_hz = 25.0\n[cameras.cam1]\ndevice = {device:?}\n[cameras.cam2]\ndevice = \"serial:none\"");
+        let changes = [("source = \"virtual\"", "source = \"v4l2\""), ("rate_hz = 25.0", &devices)];
+        let found = check(&Bench::with_changes(&changes), 2);
+        let camera = found.iter().find(|(what, _, _)| what == "camera 1").unwrap();
+        assert!(!camera.1 && camera.2.contains(says), "{camera:?}");
+    }
+}
+
+#[test]
+fn the_check_refuses_a_recorder_folder_that_is_a_file() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("recordings"), "").unwrap();
+    let found = check(&bench, 2);
+    let wrong: Vec<_> = found.iter().filter(|(_, ready, _)| !ready).collect();
+    assert!(wrong.len() == 1 && wrong[0].2.contains("recordings: it is not a folder; name another"), "{wrong:?}");
 }
 
 #[test]

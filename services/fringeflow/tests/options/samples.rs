@@ -37,6 +37,8 @@ pub(crate) const FORMS: &[Form] = &[
     form("simulate", "--output set --size 64x64"),
     form("simulate", "--output set --size 64x64 --supersampling 1 --format RGGB"),
     form("simulate", "--output set --supersampling 1 --no-gray --steps 4 --rig SET"),
+    form("simulate", "--config SCANNER --output set"),
+    form("simulate", "--config SCANNER --output scan.mcap"),
     form("rig", "SET --json"),
     form("rig", "SET"),
     form("rig", "SET --images SET"),
@@ -76,6 +78,7 @@ impl Inputs {
         let made = run(folder.path(), &SIMULATION.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         assert!(made.is_success(), "{}", made.stderr);
         std::fs::write(folder.path().join("settings.toml"), SETTINGS).unwrap();
+        std::fs::write(folder.path().join("scanner.toml"), SCANNER).unwrap();
         let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings");
         Self { set: folder.path().join("set"), scan: recordings.join("tooth.mcap"), folder }
     }
@@ -86,6 +89,7 @@ impl Inputs {
             "SET" => self.set.clone(),
             "SCAN" => self.scan.clone(),
             "SETTINGS" => self.folder.path().join("settings.toml"),
+            "SCANNER" => self.folder.path().join("scanner.toml"),
             word => return word.to_owned(),
         };
         path.to_string_lossy().into_owned()
@@ -94,6 +98,10 @@ impl Inputs {
 
 /// Settings that differ from the default ones.
 const SETTINGS: &str = "[phase]\nmin_modulation_grey = 40\n[health]\ndrift_rad = { warn = 0.000001, bad = 0.000002 }\n";
+
+/// A small scanner. Its devices do not matter to a simulation.
+const SCANNER: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 50\nstereo_layout = \"top-bottom\"\n[cameras.both]\ndevice = \"/dev/video0\"\n\
+                       [pattern]\nsteps = 4\nperiod_px = 48\n[virtual_scanner]\nobject = \"tooth\"\nsize_px = [96, 80]\n";
 
 /// Returns an option with a value that the command accepts, and that differs from the default one.
 pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> {

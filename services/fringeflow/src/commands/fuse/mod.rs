@@ -8,7 +8,7 @@ mod trajectory_errors;
 
 use std::num::NonZeroUsize;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fringeflow::calibration::Unit;
 use fringeflow::cloud::CloudExport;
@@ -21,6 +21,7 @@ use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
 use crate::input::Input;
 use crate::json;
+use crate::output_folder::has_extension;
 use crate::proposed::{Images, MeasuringArgs, parse_range};
 use crate::values::unit;
 
@@ -144,8 +145,4 @@ impl Args {
         let windows: Result<_, _> = windows.into_iter().map(|window| Images::consecutive(input, window)).collect();
         Ok((windows?, pairs))
     }
-}
-
-fn has_extension(path: &Path, wanted: &str) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }

@@ -5,7 +5,7 @@ mod text;
 use std::path::{Path, PathBuf};
 
 use fringeflow_base::atomic_file::{check_writable, write_atomically};
-use fringeflow_config::ScannerConfiguration;
+use fringeflow_config::{CameraSource, ScannerConfiguration};
 use fringeflow_message::{Counts, Stage, StageReport, flags};
 use fringeflow_recording::{Content, Message, Recording, RecordingError, Topic};
 use fringeflow_telemetry::{Exposures, RunReport, TraceWriter, WORST_WINDOWS};
@@ -55,6 +55,7 @@ impl Args {
             version: recording.writer_version(),
             origin: recording.origin(),
             image_size_px: recording.setup().image_size_px,
+            virtual_images: configuration.as_ref().is_some_and(|found| found.cameras == CameraSource::Virtual),
             steps: recording.setup().steps,
             recording: Some(&self.input),
             is_recorded: true,

@@ -55,8 +55,7 @@ impl Args {
             config: folder.join(CONFIGURATION_FILE),
             setup: Some(folder.to_owned()),
             segment_table: Some(folder.join("rig.segments")),
-            restarts: 0,
-            supervised: false,
+            ..ServiceArgs::default()
         };
         let recorder = self.record.as_ref().map(|_| ServiceKind::Recorder);
         let services = measurement_services(&arguments.configuration()?).chain(recorder).collect();

@@ -1,5 +1,6 @@
 //! `fringeflow simulate`: writes a simulated dataset folder, or a recording of the virtual scanner of a configuration.
 
+mod configured;
 mod recording;
 mod simulated_time;
 
@@ -20,20 +21,27 @@ use fringeflow_pixels::{BayerGrey, DeviceImages, SourceFormat, StereoLayout};
 use crate::acting_options::{ActingOptions, Mode};
 use crate::calibrated_rig::CalibratedRig;
 use crate::failure::Failure;
+use crate::output_folder::has_extension;
 use crate::progress;
 use crate::values::{one_of, unit};
+
+use configured::ConfiguredSimulation;
 
 /// Arguments of `fringeflow simulate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Dataset folder to write: a new or an empty one. With --config: recording to write.
-    #[arg(short, long, value_name = "FOLDER|REC")]
+    /// Dataset folder to write: a new or an empty one. With --config also: recording to write (.mcap).
+    #[arg(short, long, value_name = "FOLDER|REC.mcap")]
     output: PathBuf,
-    /// Record the virtual scanner of a configuration (see configs/demo.toml) with the true poses of the object. No
-    /// service runs. The same configuration gives the same bytes.
+    /// Take the images of the rig of a configuration, with any cameras; see configs/demo.toml and configs/rigs. Table
+    /// [virtual_scanner] says what it sees.
+    ///
+    /// A recording holds what the virtual scanner delivers live and the true poses of the object. A dataset holds one cycle
+    /// at rest, Gray code and the truth, so `evaluate` judges the rig. No service runs. The same configuration gives the
+    /// same bytes.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// With --config: seconds to record, at most 3600. The default is one round of the sweep.
+    /// Seconds to record, at most 3600. The default is one round of the sweep.
     #[arg(long, value_name = "S", value_parser = recording::parse_seconds)]
     seconds: Option<f64>,
     /// Object to measure. clutter and crumbs are hard, and tray is larger than the image.
@@ -186,7 +194,12 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
     always: &["output", "json", "threads", "simd"],
     choices: &[
         &[
-            Mode { name: "with --config", is_chosen: |args| args.config.is_some(), options: &["config", "seconds"] },
+            Mode {
+                name: "with --config and a recording (.mcap)",
+                is_chosen: |args| args.config.is_some() && has_extension(&args.output, "mcap"),
+                options: &["config", "seconds"],
+            },
+            Mode { name: "with --config and a folder", is_chosen: |args| args.config.is_some(), options: &["config"] },
             Mode {
                 name: "without --config",
                 is_chosen: |_| true,
@@ -270,10 +283,14 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        if let Some(config) = &self.config {
+        if let Some(config) = self.config.as_ref().filter(|_| has_extension(&self.output, "mcap")) {
             return recording::record(config, &self.output, self.seconds, self.json);
         }
         check_new(&self.output)?;
+        if let Some(config) = &self.config {
+            let options = ConfiguredSimulation::read(config)?.dataset_options(config)?;
+            return self.write(&Simulation::new(options)?);
+        }
         let staging = Staging {
             shift_mm: self.shift,
             covered: self.cover,
@@ -283,11 +300,15 @@ impl Args {
             hand: self.hand,
             motion: self.motion(),
         };
-        let simulation = Simulation::staged(self.options()?, staging)?;
+        self.write(&Simulation::staged(self.options()?, staging)?)
+    }
+
+    /// Takes the images, writes the dataset, and prints its figures.
+    fn write(&self, simulation: &Simulation) -> Result<(), Failure> {
         let bar = progress::bar("taking images", simulation.images().len() as u64);
         simulation.write(&self.output, || bar.inc(1))?;
         bar.finish_and_clear();
-        self.print(&simulation.summary())
+        self.print(simulation)
     }
 
     /// The board that the options describe.
@@ -317,6 +338,7 @@ impl Args {
             exposure: self.exposure,
             supersampling: self.supersampling,
             seed: self.seed,
+            binning: 1,
         })
     }
 
@@ -354,11 +376,11 @@ impl Args {
         })
     }
 
-    fn print(&self, summary: &SimulationSummary) -> Result<(), Failure> {
+    fn print(&self, simulation: &Simulation) -> Result<(), Failure> {
         let mut out = std::io::stdout().lock();
-        let s = summary;
+        let s = simulation.summary();
         if self.json {
-            let report = Report { folder: &self.output, object: self.object.name(), summary: *s };
+            let report = Report { folder: &self.output, object: simulation.options().object.name(), summary: s };
             serde_json::to_writer(&mut out, &report).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {

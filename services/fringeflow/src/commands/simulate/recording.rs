@@ -3,13 +3,13 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use fringeflow_lab::simulation::{ConfiguredScanner, VirtualScanner};
+use fringeflow_lab::simulation::VirtualScanner;
 use fringeflow_recording::{OfflineRecorder, Opening, Origin, Topic};
-use fringeflow_runtime::ServiceArgs;
 
 use crate::failure::Failure;
 use crate::{json, progress};
 
+use super::configured::ConfiguredSimulation;
 use super::simulated_time::{LiveError, LiveScanner};
 
 #[derive(serde::Serialize)]
@@ -26,15 +26,8 @@ struct Report<'a> {
 
 /// Records the virtual scanner of a configuration for `seconds`, or for one round of its sweep.
 pub(super) fn record(config: &Path, target: &Path, seconds: Option<f64>, as_json: bool) -> Result<(), Failure> {
-    let arguments =
-        ServiceArgs { config: config.to_owned(), setup: None, segment_table: None, restarts: 0, supervised: false };
-    let configuration = arguments.configuration()?;
-    let setup = arguments.setup(&configuration)?;
+    let ConfiguredSimulation { configuration, setup, scanner: options } = ConfiguredSimulation::read(config)?;
     let unusable = |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", config.display()));
-    let configured = ConfiguredScanner::from_scanner_configuration(&configuration).map_err(|e| unusable(&e))?;
-    let Some(options) = configured else {
-        return Err(unusable(&"there is no virtual scanner; set cameras.source = \"virtual\""));
-    };
     let scanner = VirtualScanner::new(options.scanner).map_err(|e| unusable(&e))?;
     let round = scanner.sweep().poses() as u64;
     let patterns = seconds.map_or(round, |seconds| (seconds * configuration.rate_hz).round().max(1.0) as u64);

@@ -19,7 +19,7 @@ function showAbout() {
     const facts = [
         ["First image", start ? `${day(start)} ${second(start)}` : "none", `time zone ${zone}`],
         ["Duration", duration(run.duration_s), `a point every ${duration(run.span_s)}`],
-        ["Images", `${width} × ${height}`, `${run.steps} steps`],
+        ["Images", `${width} × ${height}`, `${run.steps} steps${run.virtual_images ? ", virtual: no camera took them" : ""}`],
         ["Fringeflow", run.version, run.is_recorded ? "version that made the recording" : ""],
         ["Machine", host || MISSING, [cpu, kernel && `Linux ${kernel}`].filter(Boolean).join(", ")],
         [run.is_recorded ? "From the recording" : "Recording", run.recording ?? "none", ""],

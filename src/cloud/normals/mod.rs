@@ -1,17 +1,24 @@
 //! Computes the normals of a surface from its pixel grid.
 //!
+//! In: the points of an image of C1. Out: unit normals towards C1, where the surface is smooth and points are near.
+//!
 //! The inverse depth of a plane is linear in the ray: `n·X = d` with `X = z·(ρ, η, 1)` is `1/z = (n/d)·(ρ, η, 1)`. So
 //! `n/d` is a linear least-squares fit to the inverse depths around a pixel, whose noise is nearly uniform. Pixels that
 //! may belong to another surface are excluded: first those behind a depth step that would need a slope steeper than
 //! [`MAX_SLOPE`], then those that do not fit the first plane. The cost is about 0.08 µs per point, with 32 pixels at
 //! once. Single precision resolves inverse depths a thousand times finer than cameras measure them.
 
+mod window;
+
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use fringeflow_simd::{Kernel, LANES, Lanes, Level, filled, store_first};
 
-use super::surface::{OrganizedSurface, PointImage};
-use super::window::{COUNT, MAX_DEVIATION, OFFSETS, Window};
+use super::CloudPoint;
+
+use window::{COUNT, MAX_DEVIATION, OFFSETS, REACH_PX, Window};
 
 /// Tangent of the largest angle between the ray and a normal, 80°.
 const MAX_SLOPE: f32 = 5.67;
@@ -22,6 +29,39 @@ const MAX_BEND: f32 = 0.05;
 /// Minimum determinant of the centred moments, relative to that of equal moments. Below it, the points lie on a line.
 const MIN_SPREAD: f32 = 0.02;
 
+/// A pixel: position in the frame of C1, x, y, z, and standard deviation along the ray, metres. Without a point, z is
+/// NaN, and the others mean nothing.
+pub type MeasuredPixel = [f32; 4];
+
+/// The points of an image of camera 1, row by row.
+#[derive(Clone, Debug, Default)]
+pub struct PointImage {
+    /// Width and height, pixels.
+    pub size_px: [usize; 2],
+    /// The pixels.
+    pub pixels: Vec<MeasuredPixel>,
+}
+
+impl PointImage {
+    /// Makes an image without points.
+    pub fn clear(&mut self, size_px: [usize; 2]) {
+        self.size_px = size_px;
+        self.pixels.clear();
+        self.pixels.resize(size_px[0] * size_px[1], [f32::NAN; 4]);
+    }
+
+    /// Puts a point at its pixel, and returns the index of the pixel. Returns `None` for a point outside the image, or not
+    /// in front of the camera.
+    pub fn put(&mut self, point: &CloudPoint) -> Option<usize> {
+        let ([u, v], [width, height]) = (point.cam1_px.map(usize::from), self.size_px);
+        let ([x, y, z], sigma) = (point.position_m, point.sigma_m);
+        let is_measured = z > 0.0 && sigma.is_finite();
+        let index = (u < width && v < height && is_measured).then_some(v * width + u)?;
+        self.pixels[index] = [x, y, z, sigma];
+        Some(index)
+    }
+}
+
 /// Computes normals. Its scratch buffers live from cloud to cloud.
 #[derive(Clone, Debug, Default)]
 pub struct Normals {
@@ -30,11 +70,57 @@ pub struct Normals {
 }
 
 impl Normals {
-    /// Computes the normals towards C1 of all points of a surface, if they exist.
-    pub fn compute(&mut self, surface: &mut OrganizedSurface) {
-        let OrganizedSurface { points, normals, .. } = surface;
+    /// Computes the unit normals towards C1 of all points of an image, into planes of its pixels. The first component is NaN
+    /// where there is no normal.
+    pub fn compute(&mut self, points: &PointImage, normals: &mut [Vec<f32>; 3]) {
         compute(Level::in_use(), points, &mut self.windows, normals);
     }
+}
+
+/// Side of the parts of an image whose normals are computed at a time, pixels.
+const TILE_PX: u16 = 256;
+/// Pixels around a part that its normals depend on.
+const MARGIN_PX: u16 = REACH_PX as u16;
+
+/// Returns the unit normals towards C1 of the points of a cloud, in their order; zeros where there is none.
+///
+/// Memory is needed for one part of the image alone, wherever in it the points say that they are.
+pub(super) fn normals_of(points: &[CloudPoint]) -> Vec<[f32; 3]> {
+    let mut found = vec![[0.0; 3]; points.len()];
+    let (mut image, mut normals) = (PointImage::default(), Normals::default());
+    let side = usize::from(TILE_PX + 2 * MARGIN_PX);
+    let mut planes: [Vec<f32>; 3] = std::array::from_fn(|_| vec![f32::NAN; side * side]);
+    for (tile, seen) in tiles(points) {
+        image.clear([side; 2]);
+        // The index of each point of the tile itself in the image, and its number.
+        let mut inner = Vec::new();
+        for number in seen {
+            let point = &points[number];
+            let at = [0, 1].map(|axis| u32::from(point.cam1_px[axis]) + u32::from(MARGIN_PX));
+            let cam1_px = [0, 1].map(|axis| (at[axis] - u32::from(tile[axis]) * u32::from(TILE_PX)) as u16);
+            let index = image.put(&CloudPoint { cam1_px, ..*point });
+            inner.extend(index.filter(|_| point.cam1_px.map(|px| px / TILE_PX) == tile).map(|index| (index, number)));
+        }
+        normals.compute(&image, &mut planes);
+        let [x, y, z] = &planes;
+        for (index, number) in inner.into_iter().filter(|&(index, _)| !x[index].is_nan()) {
+            found[number] = [x[index], y[index], z[index]];
+        }
+    }
+    found
+}
+
+/// The parts of the image, by column and row, and the numbers of the points in each and in its margin.
+fn tiles(points: &[CloudPoint]) -> BTreeMap<[u16; 2], Vec<usize>> {
+    let mut tiles: BTreeMap<[u16; 2], Vec<usize>> = BTreeMap::new();
+    for (number, point) in points.iter().enumerate() {
+        let near = |px: u16| px.saturating_sub(MARGIN_PX) / TILE_PX..=px.saturating_add(MARGIN_PX) / TILE_PX;
+        let [columns, rows] = point.cam1_px.map(near);
+        for tile in rows.flat_map(|row| columns.clone().map(move |column| [column, row])) {
+            tiles.entry(tile).or_default().push(number);
+        }
+    }
+    tiles
 }
 
 /// Computes the planes of normals; a pixel without a normal gets NaN.
@@ -272,86 +358,4 @@ impl<L: Lanes> Moments<L> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::registration::tests::{bowl, camera, camera_of, cloud_of, points, surface_of};
-    use fringeflow::geometry::{Point3, Vector3};
-
-    fn angle_deg(surface: &OrganizedSurface, pixel: [isize; 2], truth: &Vector3) -> f64 {
-        let normal = surface.at(pixel[0], pixel[1]).unwrap().unit_normal().unwrap();
-        normal.angle(truth).to_degrees()
-    }
-
-    /// Intersection of the ray of a pixel with the plane `n·X = d`.
-    fn on_plane(ray: &Vector3, normal: &Vector3, d: f64) -> Option<Point3> {
-        Some(Point3::from(ray * (d / normal.dot(ray))))
-    }
-
-    #[test]
-    fn a_plane_has_the_same_normal_everywhere() {
-        let truth = Vector3::new(0.3, -0.4, -0.8).normalize();
-        let surface = surface_of(&camera(), 0.0, 1, |ray| on_plane(ray, &truth, -0.25));
-        assert!(points(&surface).iter().all(|p| p.normal.is_some()));
-        for pixel in [[0, 0], [40, 30], [79, 63]] {
-            assert!(angle_deg(&surface, pixel, &truth) < 0.01);
-        }
-    }
-
-    #[test]
-    fn noise_tilts_normals_by_the_expected_angle() {
-        // 0.02 mm over 7 × 7 pixels of 1.3 mm: 0.02 / (1.3 · √(7 · 28)) rad = 0.06°.
-        let truth = Vector3::new(0.0, -0.2, -1.0).normalize();
-        let surface = surface_of(&camera(), 2e-5, 5, |ray| on_plane(ray, &truth, -0.3));
-        let squares = points(&surface).iter().map(|p| p.unit_normal().unwrap().angle(&truth).powi(2)).sum::<f64>();
-        let mean_square = squares / surface.count() as f64;
-        let rms_deg = mean_square.sqrt().to_degrees();
-        assert!((0.04..0.2).contains(&rms_deg), "{rms_deg}°");
-    }
-
-    #[test]
-    fn a_step_does_not_bend_the_normals_beside_it() {
-        // Two plates parallel to the image, the right one 15 mm nearer.
-        let truth = -Vector3::z();
-        let surface =
-            surface_of(&camera(), 1e-5, 1, |ray| on_plane(ray, &truth, if ray.x < 0.0 { -0.315 } else { -0.3 }));
-        for point in points(&surface) {
-            if let Some(normal) = point.unit_normal() {
-                assert!(normal.angle(&truth).to_degrees() < 1.0, "{point:?}");
-            }
-        }
-        let without = points(&surface).iter().filter(|p| p.normal.is_none()).count();
-        assert!(without * 50 < surface.count(), "{without} points without a normal");
-    }
-
-    #[test]
-    fn single_points_and_lines_have_no_normal() {
-        let line = |ray: &Vector3| (ray.y.abs() < 0.002).then(|| Point3::from(ray * 0.3));
-        let surface = surface_of(&camera(), 0.0, 1, line);
-        assert!(surface.count() > 0);
-        assert!(points(&surface).iter().all(|p| p.normal.is_none()));
-    }
-
-    #[test]
-    fn every_level_has_the_same_bits() {
-        // A width that is not a multiple of the lanes, and missing points.
-        let camera = camera_of([77, 53]);
-        let cloud = cloud_of(&camera, 2e-5, 3, |ray| bowl(ray).filter(|p| (p.x * 1e5).sin() < 0.6));
-        let mut surface = OrganizedSurface::default();
-        surface.organize(&cloud.points, [77, 53]);
-        let bits_of = |level| {
-            let mut normals: [Vec<f32>; 3] = Default::default();
-            normals.iter_mut().for_each(|plane| plane.resize(77 * 53, 0.0));
-            compute(level, &surface.points, &mut Vec::new(), &mut normals);
-            let none = normals[0].iter().map(|x| x.is_nan());
-            let bits = normals.iter().map(|plane| plane.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
-            // The other components of a pixel without a normal mean nothing.
-            let keep = none.clone().map(|none| if none { 0 } else { u32::MAX }).collect::<Vec<_>>();
-            bits.map(|plane| plane.iter().zip(&keep).map(|(x, keep)| x & keep).collect::<Vec<_>>()).collect::<Vec<_>>()
-        };
-        let expected = bits_of(Level::Portable);
-        assert!(expected[2].iter().filter(|&&bits| bits != 0).count() > 1000);
-        for level in Level::ALL {
-            assert_eq!(bits_of(level), expected, "{level:?}");
-        }
-    }
-}
+mod tests;

@@ -2,10 +2,10 @@
 
 use fringeflow_simd::LANES;
 
-use super::surface::PointImage;
+use super::PointImage;
 
 /// Pixels to each side of the centre that a plane is fitted to.
-const REACH_PX: usize = 3;
+pub(super) const REACH_PX: usize = 3;
 /// Side of that square, pixels.
 const SIDE: usize = 2 * REACH_PX + 1;
 /// Number of pixels in that square.
