@@ -14,14 +14,17 @@ pub struct RecorderCounts {
     pub topics: BTreeMap<Topic, Counts>,
     /// Number of messages that contradict themselves.
     pub malformed: u64,
+    /// Number of messages that were overwritten in their channel before the recorder could take them.
+    pub overrun: u64,
 }
 
 impl RecorderCounts {
     /// Returns the sum over all topics.
     #[must_use]
     pub fn total(&self) -> Counts {
-        let mut total = Counts { taken: self.malformed, ..Counts::default() };
+        let mut total = Counts { taken: self.malformed + self.overrun, ..Counts::default() };
         total.drop_many(DropReason::Malformed, self.malformed);
+        total.drop_many(DropReason::Overrun, self.overrun);
         for counts in self.topics.values() {
             total.taken += counts.taken;
             total.passed += counts.passed;

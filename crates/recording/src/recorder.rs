@@ -119,6 +119,11 @@ impl Recorder {
         });
     }
 
+    /// Counts messages that were overwritten in their channel before they could be taken.
+    pub fn count_overrun(&self, missing: u64) {
+        self.shared.account().counts.overrun += missing;
+    }
+
     /// Counts a message, and puts it into the queue if the queue has room for `bytes`.
     fn enqueue(&self, topic: Topic, times: Times, bytes: usize, encode: impl FnOnce(&mut Encoded)) {
         self.shared.account().counts.for_topic(topic).taken += 1;

@@ -197,6 +197,15 @@ impl Channels {
         }
     }
 
+    /// Returns how many images, maps, correspondences and clouds were sent and have not arrived. All stages must have
+    /// stopped. No later number tells that the last messages of a channel are missing.
+    pub(crate) fn never_arrived(&mut self, host: &Host) -> u64 {
+        let cameras: u64 = self.cameras.iter_mut().map(|camera| camera.never_arrived(host)).sum();
+        let maps = self.maps.as_mut().map_or(0, |maps| maps.never_arrived(host));
+        let correspondences = self.correspondences.as_mut().map_or(0, |found| found.never_arrived(host));
+        cameras + maps + correspondences + self.clouds.never_arrived(host)
+    }
+
     /// Opens ports again that lost their connection.
     pub(crate) fn ensure_connected(&mut self, host: &Host, now_ns: u64) -> Result<(), TransportError> {
         self.cameras.iter_mut().try_for_each(|camera| camera.ensure_connected(host, now_ns))?;
@@ -230,6 +239,23 @@ impl<H: Header, P: Payload + ?Sized> NumberedSubscriber<H, P> {
         let Some((message, missing)) = self.receive(number) else { return false };
         on_message(message.header(), message.payload(), missing);
         true
+    }
+
+    /// Returns how many messages were sent and have not arrived. The numbers of the channel must be those of the items
+    /// that its stage passes on.
+    fn never_arrived(&mut self, host: &Host) -> u64 {
+        let sent = host.read_counts(self.from).map_or(0, |counts| counts.passed);
+        match &mut self.arrivals {
+            Some(arrivals) => arrivals.catch_up(sent),
+            // Before a restart, another process received them.
+            None => {
+                if host.restarts() == 0 {
+                    sent
+                } else {
+                    0
+                }
+            }
+        }
     }
 
     /// Opens the port again if it lost its connection.

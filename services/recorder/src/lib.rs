@@ -56,6 +56,7 @@ pub fn run(arguments: &ServiceArgs) -> Result<Outcome, ServiceError> {
         });
         channels.wait(&states)?;
     }
+    recorder.count_missing(channels.never_arrived(&host));
     recorder.end_session();
     recorder.write_account()?;
     host.report(Stage::Recorder, recorder.account.counts(), None);
@@ -101,19 +102,30 @@ impl Recorder {
     /// Records a message; `missing` messages before it were overwritten in its channel.
     fn record(&mut self, message: Incoming<'_>, missing: u64) {
         self.meter.add(message.bytes());
-        self.outside.taken += missing;
-        self.outside.drop_many(DropReason::Overrun, missing);
         if let Incoming::Message(Recordable::Prior { header, relief }) = &message {
             let (last_header, last_relief) = self.prior.get_or_insert_default();
             *last_header = **header;
             last_relief.clear();
             last_relief.extend_from_slice(relief);
         }
+        self.count_missing(missing);
         match &mut self.session {
-            Some(session) => session.record(message, missing),
+            Some(session) => session.record(message),
             None => {
                 self.outside.taken += 1;
                 self.outside.drop_one(DropReason::NotRecording);
+            }
+        }
+    }
+
+    /// Counts messages that did not arrive. They are lost if a recording runs, and would not have been recorded
+    /// otherwise.
+    fn count_missing(&mut self, missing: u64) {
+        match &self.session {
+            Some(session) => session.count_missing(missing),
+            None => {
+                self.outside.taken += missing;
+                self.outside.drop_many(DropReason::NotRecording, missing);
             }
         }
     }
@@ -132,7 +144,7 @@ impl Recorder {
             match started {
                 Ok(session) => {
                     if let Some((header, relief)) = &self.prior {
-                        session.record(Incoming::Message(Recordable::Prior { header, relief }), 0);
+                        session.record(Incoming::Message(Recordable::Prior { header, relief }));
                     }
                     self.session = Some(session);
                 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fringeflow_message::{Counts, ScanState};
 use fringeflow_recording::{Opening, Origin, Recordable, Recorder, RecordingError};
-use fringeflow_runtime::{Host, clock};
+use fringeflow_runtime::Host;
 
 use crate::channels::Incoming;
 
@@ -40,13 +40,13 @@ impl Session {
         Ok(Self { recorder, file, has_reported_end: false })
     }
 
-    /// Records a message, and before it an event if messages were lost in its channel.
-    pub(crate) fn record(&self, message: Incoming<'_>, missing: u64) {
-        if missing > 0 {
-            let text = format!("{missing} messages were overwritten before the recorder received them");
-            let time_ns = clock::now_ns();
-            self.recorder.push(&Recordable::Event { time_ns, is_warning: true, source: "recorder", text: &text });
-        }
+    /// Counts messages that did not arrive from their channel.
+    pub(crate) fn count_missing(&self, missing: u64) {
+        self.recorder.count_overrun(missing);
+    }
+
+    /// Records a message.
+    pub(crate) fn record(&self, message: Incoming<'_>) {
         match message {
             Incoming::Message(message) => self.recorder.push(&message),
             Incoming::Image(image) => {
