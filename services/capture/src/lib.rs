@@ -13,6 +13,7 @@ mod incident_log;
 mod ioctl;
 mod numbering;
 mod queue;
+mod sample;
 mod time_stamps;
 
 pub use captured_cameras::CapturedCameras;
@@ -23,6 +24,7 @@ pub use device::{
     rates_text,
 };
 pub use ioctl::CallError;
+pub use sample::{SampleError, sample_images};
 
 use fringeflow_runtime::{Host, ServiceArgs, ServiceError};
 

@@ -254,16 +254,6 @@ impl Images {
         }
     }
 
-    /// Phase shifts of one cycle, rad.
-    pub(crate) fn cycle_rad(&self) -> &[f64] {
-        &self.cycle_rad
-    }
-
-    /// Index of the first image in the cycle.
-    pub(crate) fn first_step(&self) -> usize {
-        self.first_step
-    }
-
     /// `steps` of the images, evenly spaced, as a cycle of their own.
     ///
     /// # Errors

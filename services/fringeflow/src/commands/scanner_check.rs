@@ -2,20 +2,28 @@
 
 use std::io::Write as _;
 use std::path::Path;
+use std::time::Duration;
 
 use rustix::fs::{Access, access, statvfs};
 
-use fringeflow_capture::{CameraError, ReadyCamera, Wanted, check_cameras, check_stereo_camera};
-use fringeflow_config::{CameraSource, RecorderConfiguration, ScannerConfiguration};
-use fringeflow_dataset::Setup;
+use fringeflow_capture::{
+    CameraError, ReadyCamera, SampleError, Wanted, check_cameras, check_stereo_camera, sample_images,
+};
+use fringeflow_config::{CameraSource, RecorderConfiguration, ScannerConfiguration, V4l2Camera};
+use fringeflow_dataset::{GreyImage, Setup};
+use fringeflow_pixels::ImageReader;
 use fringeflow_runtime::{ServiceArgs, channel_sizes};
 use fringeflow_transport::{Instance, InstanceLock, check_shared_memory, required_bytes};
 
 use crate::failure::Failure;
+use crate::image_health::image_faults_of;
 use crate::json;
 
 /// Bytes of a mebibyte.
 const MIB: u64 = 1 << 20;
+
+/// Time to wait for the images of a camera, besides twice the time of a cycle, seconds.
+const SAMPLE_S: f64 = 2.0;
 
 /// Result of the check of one thing that a run needs.
 #[derive(serde::Serialize)]
@@ -81,7 +89,12 @@ fn check_all(arguments: &ServiceArgs) -> Vec<CheckResult> {
         let table = arguments.segment_table(&configuration, setup);
         points.push(CheckResult::new("segment table", table.map(|_| "can be used".to_owned())));
     }
-    points.extend(camera_results(&configuration, setup.as_ref().ok()));
+    let cameras = camera_results(&configuration, setup.as_ref().ok());
+    let can_sample = !cameras.is_empty() && cameras.iter().all(|camera| camera.ready);
+    points.extend(cameras);
+    if let Some(setup) = setup.as_ref().ok().filter(|_| can_sample) {
+        points.push(CheckResult::new("images", Ok::<_, Failure>(images_text(&configuration, setup))));
+    }
     if let Ok(setup) = &setup {
         points.push(CheckResult::new("shared memory", shared_memory(&configuration, setup)));
     }
@@ -109,16 +122,49 @@ fn camera_results(configuration: &ScannerConfiguration, setup: Option<&Setup>) -
     checked_cameras(configuration, setup).into_iter().map(result).collect()
 }
 
+/// Takes a cycle of images of each camera, and says what is wrong with them by the limits of `[health]`. This is no
+/// failure: the projector may not run yet.
+fn images_text(configuration: &ScannerConfiguration, setup: &Setup) -> String {
+    let faults = sampled_images(configuration, setup)
+        .map_err(|error| error.to_string())
+        .and_then(|images| image_faults_of(&images, setup, &configuration.measurement).map_err(|e| e.to_string()));
+    match faults {
+        Err(error) => format!("not judged: {error}"),
+        Ok(faults) if faults.is_empty() => "both cameras see fringes, well exposed".to_owned(),
+        Ok(faults) => format!("warning: {}", faults.join("; ")),
+    }
+}
+
+/// A cycle of images of both cameras.
+fn sampled_images(configuration: &ScannerConfiguration, setup: &Setup) -> Result<[Vec<GreyImage>; 2], SampleError> {
+    let wanted = wanted(configuration, setup);
+    let timeout = Duration::from_secs_f64(SAMPLE_S + 2.0 * setup.steps as f64 / configuration.rate_hz);
+    let sample = |camera: &V4l2Camera, views: usize| {
+        let mut reader = ImageReader::new(wanted.images, setup.readout)?;
+        sample_images(camera, &wanted, &mut reader, (views, setup.steps), timeout)
+    };
+    let mut views = match &configuration.cameras {
+        CameraSource::Virtual | CameraSource::External => Vec::new(),
+        CameraSource::V4l2(cameras) => {
+            let [cam1, cam2] = cameras.as_ref();
+            [sample(cam1, 1)?, sample(cam2, 1)?].concat()
+        }
+        CameraSource::V4l2Stereo(camera) => sample(camera, 2)?,
+    };
+    let cam2 = views.pop().unwrap_or_default();
+    Ok([views.pop().unwrap_or_default(), cam2])
+}
+
+fn wanted(configuration: &ScannerConfiguration, setup: &Setup) -> Wanted {
+    Wanted { images: configuration.device_images, view_px: setup.readout.sensor_px(), rate_hz: configuration.rate_hz }
+}
+
 /// Checks each V4L2 device, and names the cameras whose images it gives.
 fn checked_cameras(
     configuration: &ScannerConfiguration,
     setup: Option<&Setup>,
 ) -> Vec<(&'static str, Result<ReadyCamera, CameraError>)> {
-    let wanted = setup.map(|setup| Wanted {
-        images: configuration.device_images,
-        view_px: setup.readout.sensor_px(),
-        rate_hz: configuration.rate_hz,
-    });
+    let wanted = setup.map(|setup| wanted(configuration, setup));
     match &configuration.cameras {
         CameraSource::Virtual | CameraSource::External => Vec::new(),
         CameraSource::V4l2(cameras) => {
