@@ -12,7 +12,7 @@ use fringeflow_dataset::SetupText;
 
 use super::{
     FaultOptions, Faults, GivenRig, Object, RigOptions, SimulationError, SweepOptions, VirtualScanner,
-    VirtualScannerOptions,
+    VirtualScannerOptions, check_range,
 };
 
 /// The table `[virtual_scanner]` of a configuration, checked.
@@ -49,7 +49,11 @@ impl ConfiguredScanner {
             sweep: sweep(&table.sweep, seed),
             seed,
         };
-        Ok(Self { scanner, faults: faults(&table.faults, seed)?, cache: configuration.cache.clone() })
+        Ok(Self {
+            scanner,
+            faults: faults(&table.faults, configuration.rate_hz, seed)?,
+            cache: configuration.cache.clone(),
+        })
     }
 
     /// Returns the virtual scanner of an instance, or `None` if it has real cameras.
@@ -127,7 +131,12 @@ fn sweep(table: &SweepTable, seed: u64) -> SweepOptions {
     }
 }
 
-fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+/// Longest time until the faults begin or end, seconds.
+const MAX_FAULT_TIME_S: f64 = 1e6;
+
+fn faults(table: &FaultsTable, rate_hz: f64, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+    let named =
+        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
     let options = FaultOptions {
         lost: table.lost.unwrap_or(0.0),
         duplicated: table.duplicated.unwrap_or(0.0),
@@ -137,11 +146,17 @@ fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationP
         hidden_duplicated: table.hidden_duplicated.unwrap_or(0.0),
         hidden_swapped: table.hidden_swapped.unwrap_or(0.0),
         events_lost: table.events_lost.unwrap_or(0.0),
+        exposures: table.between_s.map(|times_s| exposures_between(times_s, rate_hz)).transpose().map_err(named)?,
         seed,
     };
-    let named =
-        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
     Faults::new(options).map(|_| options).map_err(named)
+}
+
+/// Returns the number of the first exposure in a time of scanning, and of the first one after it.
+fn exposures_between([begin_s, end_s]: [f64; 2], rate_hz: f64) -> Result<[u64; 2], SimulationError> {
+    check_range("the begin of the faults (between_s)", begin_s, 0.0, MAX_FAULT_TIME_S, "s")?;
+    check_range("the end of the faults (between_s)", end_s, begin_s, MAX_FAULT_TIME_S, "s")?;
+    Ok([begin_s, end_s].map(|time_s| (time_s * rate_hz).ceil() as u64))
 }
 
 /// Parses a word, or returns the default if there is none.
