@@ -23,7 +23,7 @@ cargo build --release --locked --package fringeflow-command
 mkdir -p "$out"
 find "$out" -mindepth 1 -maxdepth 1 ! -name demo.images -exec rm -rf {} +
 
-echo "== run: $seconds seconds of live scanning (the first run renders the images of the virtual scanner);"
+echo "== run: $seconds seconds of live scanning (the first run renders the images of the virtual scanner, about a minute);"
 echo "   to watch it, open the address in the line \"dashboard\" below"
 fringeflow_live demo --output "$out" --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
 echo "== replay: every recorded cloud is computed again from its images"
@@ -43,3 +43,11 @@ pictures      $PWD/$out/pictures
 table above   $PWD/$out/run.txt
 report        $PWD/$out/report.html   (for a browser: latencies over time and their causes, losses, quality)
 END
+if grep --quiet injected "$out/run.txt"; then
+    cat <<END
+
+One fault was on purpose: from second 22 to 24 the virtual cameras lost a tenth of their images (table
+[virtual_scanner.faults] of demo.toml). The table above and "Drops by stage and reason" on dashboard and report count
+them as \`injected\`, and the images without a partner as \`unpaired\`. "Rates" shows two seconds with fewer clouds.
+END
+fi

@@ -210,6 +210,21 @@ mod tests {
     }
 
     #[test]
+    fn the_time_of_the_faults_becomes_exposures() {
+        let faults = |between_s: &str| {
+            let parsed = parse(&DEMO.replace("between_s = [22.0, 24.0]", between_s));
+            ConfiguredScanner::from_scanner_configuration(&parsed)
+                .map(|configured| configured.unwrap().faults.exposures)
+        };
+        assert_eq!(faults("between_s = [22.0, 24.0]").unwrap(), Some([660, 720]));
+        assert_eq!(faults("").unwrap(), None);
+        for wrong in ["[-1.0, 2.0]", "[3.0, 2.0]", "[0.0, nan]"] {
+            let refused = faults(&format!("between_s = {wrong}")).unwrap_err().to_string();
+            assert!(refused.contains("virtual_scanner.faults") && refused.contains("between_s"), "{refused}");
+        }
+    }
+
+    #[test]
     fn a_region_of_the_images_has_its_own_setup() {
         let text =
             |cameras: &str| setup_text(&parse(&DEMO.replace("rate_hz = 30.0", &format!("rate_hz = 30.0\n{cameras}"))));
