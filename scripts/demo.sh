@@ -23,7 +23,7 @@ cargo build --release --locked --package fringeflow-command
 mkdir -p "$out"
 find "$out" -mindepth 1 -maxdepth 1 ! -name demo.images -exec rm -rf {} +
 
-echo "== run: $seconds seconds of live scanning (the first run renders the images of the virtual scanner, about a minute);"
+echo "== run: $seconds seconds of live scanning (the first run renders the images of the virtual scanner);"
 echo "   to watch it, open the address in the line \"dashboard\" below"
 fringeflow_live demo --output "$out" --seconds "$seconds" --record "$out/demo.mcap" --report "$out/report.html" | tee "$out/run.txt"
 echo "== replay: every recorded cloud is computed again from its images"
