@@ -43,3 +43,11 @@ pictures      $PWD/$out/pictures
 table above   $PWD/$out/run.txt
 report        $PWD/$out/report.html   (for a browser: latencies over time and their causes, losses, quality)
 END
+if grep --quiet injected "$out/run.txt"; then
+    cat <<END
+
+One fault was on purpose: from second 22 to 24 the virtual cameras lost a tenth of their images (table
+[virtual_scanner.faults] of demo.toml). The table above and "Drops by stage and reason" on dashboard and report count
+them as \`injected\`, and the images without a partner as \`unpaired\`. "Rates" shows two seconds with fewer clouds.
+END
+fi

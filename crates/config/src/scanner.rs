@@ -160,8 +160,8 @@ impl ScannerConfiguration {
             ],
         )?;
         let measurement = Configuration::from_raw(&raw)?;
-        let rig =
-            rig_source(&raw, &source, device_images.format().pixel_format(), measurement.volume.as_ref(), folder)?;
+        let format = device_images.format().pixel_format();
+        let rig = rig_source(&raw, (&source, rate_hz), format, measurement.volume.as_ref(), folder)?;
         Ok(Self {
             name: raw.instance.name.clone().unwrap_or_else(|| "fringeflow".to_owned()),
             measurement,
@@ -327,7 +327,7 @@ fn segment_table(raw: &RawConfiguration, folder: &Path) -> Option<PathBuf> {
 
 fn rig_source(
     raw: &RawConfiguration,
-    cameras: &CameraSource,
+    (cameras, rate_hz): (&CameraSource, f64),
     format: PixelFormat,
     volume: Option<&MeasurementVolume>,
     folder: &Path,
@@ -354,7 +354,8 @@ fn rig_source(
                 return Err(ConfigurationProblem::Missing { key: "rig", expected });
             }
         };
-        let configuration = VirtualScannerConfiguration::new(&raw.virtual_scanner, &pattern, format, given, folder)?;
+        let configuration =
+            VirtualScannerConfiguration::new(&raw.virtual_scanner, &pattern, rate_hz, format, given, folder)?;
         return Ok(Some(RigSource::Virtual(Box::new(configuration))));
     }
     let Some((calibration, unit)) = files else { return Ok(None) };

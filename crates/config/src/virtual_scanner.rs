@@ -66,10 +66,12 @@ pub struct SweepTable {
     pub outside_mm: Option<f64>,
 }
 
-/// The table `[virtual_scanner.faults]`: shares of images or events.
+/// The table `[virtual_scanner.faults]`: shares of images or events, and when they apply.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FaultsTable {
+    /// Begin and end of the faults, seconds of scanning.
+    pub between_s: Option<[f64; 2]>,
     /// Images lost, with a gap in the sequence numbers.
     pub lost: Option<f64>,
     /// Images delivered twice.
@@ -97,6 +99,8 @@ pub struct VirtualScannerConfiguration {
     pub steps: usize,
     /// The fringes. The built-in rig takes only their period.
     pub pattern: FringePattern,
+    /// Images per second of each camera.
+    pub rate_hz: f64,
     /// Format of the images.
     pub format: PixelFormat,
     /// File that stores the images between runs.
@@ -124,6 +128,7 @@ impl VirtualScannerConfiguration {
     pub(crate) fn new(
         table: &VirtualScannerTable,
         sequence: &FringeSequence,
+        rate_hz: f64,
         format: PixelFormat,
         rig: Option<GivenRigFiles>,
         folder: &Path,
@@ -152,6 +157,7 @@ impl VirtualScannerConfiguration {
         Ok(Self {
             steps,
             pattern: sequence.pattern,
+            rate_hz,
             format,
             cache: table.cache.as_ref().map(|path| in_folder(folder, path)),
             table: table.clone(),

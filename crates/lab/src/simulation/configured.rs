@@ -15,7 +15,7 @@ use fringeflow_pixels::{DeviceImages, SourceFormat};
 use super::view::MAX_SUPERSAMPLING;
 use super::{
     FaultOptions, Faults, GivenRig, Object, RigOptions, SimulationError, SimulationOptions, SweepOptions,
-    VirtualScanner, VirtualScannerOptions,
+    VirtualScanner, VirtualScannerOptions, check_range,
 };
 
 /// The table `[virtual_scanner]` of a configuration, checked.
@@ -52,7 +52,11 @@ impl ConfiguredScanner {
             sweep: sweep(&table.sweep, seed),
             seed,
         };
-        Ok(Self { scanner, faults: faults(&table.faults, seed)?, cache: configuration.cache.clone() })
+        Ok(Self {
+            scanner,
+            faults: faults(&table.faults, configuration.rate_hz, seed)?,
+            cache: configuration.cache.clone(),
+        })
     }
 
     /// Returns the options of a dataset that the scanner takes while it rests: with the rig, the pattern, and the region,
@@ -167,7 +171,12 @@ fn sweep(table: &SweepTable, seed: u64) -> SweepOptions {
     }
 }
 
-fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+/// Longest time until the faults begin or end, seconds.
+const MAX_FAULT_TIME_S: f64 = 1e6;
+
+fn faults(table: &FaultsTable, rate_hz: f64, seed: u64) -> Result<FaultOptions, ConfigurationProblem> {
+    let named =
+        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
     let options = FaultOptions {
         lost: table.lost.unwrap_or(0.0),
         duplicated: table.duplicated.unwrap_or(0.0),
@@ -177,11 +186,17 @@ fn faults(table: &FaultsTable, seed: u64) -> Result<FaultOptions, ConfigurationP
         hidden_duplicated: table.hidden_duplicated.unwrap_or(0.0),
         hidden_swapped: table.hidden_swapped.unwrap_or(0.0),
         events_lost: table.events_lost.unwrap_or(0.0),
+        exposures: table.between_s.map(|times_s| exposures_between(times_s, rate_hz)).transpose().map_err(named)?,
         seed,
     };
-    let named =
-        |e: SimulationError| ConfigurationProblem::Named { key: "virtual_scanner.faults", problem: e.to_string() };
     Faults::new(options).map(|_| options).map_err(named)
+}
+
+/// Returns the number of the first exposure in a time of scanning, and of the first one after it.
+fn exposures_between([begin_s, end_s]: [f64; 2], rate_hz: f64) -> Result<[u64; 2], SimulationError> {
+    check_range("the begin of the faults (between_s)", begin_s, 0.0, MAX_FAULT_TIME_S, "s")?;
+    check_range("the end of the faults (between_s)", end_s, begin_s, MAX_FAULT_TIME_S, "s")?;
+    Ok([begin_s, end_s].map(|time_s| (time_s * rate_hz).ceil() as u64))
 }
 
 /// Parses a word, or returns the default if there is none.
@@ -227,6 +242,21 @@ mod tests {
         let deep = parse(&DEMO.replace("format = \"GREY\"", "format = \"Y12\""));
         let setup = Setup::parse(setup_text(&deep).unwrap(), None).unwrap();
         assert_eq!(setup.pixel_format, Some(PixelFormat::Y12));
+    }
+
+    #[test]
+    fn the_time_of_the_faults_becomes_exposures() {
+        let faults = |between_s: &str| {
+            let parsed = parse(&DEMO.replace("between_s = [22.0, 24.0]", between_s));
+            ConfiguredScanner::from_scanner_configuration(&parsed)
+                .map(|configured| configured.unwrap().faults.exposures)
+        };
+        assert_eq!(faults("between_s = [22.0, 24.0]").unwrap(), Some([660, 720]));
+        assert_eq!(faults("").unwrap(), None);
+        for wrong in ["[-1.0, 2.0]", "[3.0, 2.0]", "[0.0, nan]"] {
+            let refused = faults(&format!("between_s = {wrong}")).unwrap_err().to_string();
+            assert!(refused.contains("virtual_scanner.faults") && refused.contains("between_s"), "{refused}");
+        }
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub struct FaultOptions {
     pub hidden_swapped: f64,
     /// Pattern events not sent.
     pub events_lost: f64,
+    /// Numbers of the first exposure with faults and of the first one without faults again; `None` for all exposures.
+    pub exposures: Option<[u64; 2]>,
     /// Seed.
     pub seed: u64,
 }
@@ -85,6 +87,9 @@ impl Faults {
     /// Returns the fault of the image of an exposure, if any.
     #[must_use]
     pub fn image_fault(&self, camera: CameraId, exposure: u64) -> Option<ImageFault> {
+        if !self.act_at(exposure) {
+            return None;
+        }
         let FaultOptions { lost, duplicated, swapped, late, .. } = self.options;
         let FaultOptions { hidden_lost, hidden_duplicated, hidden_swapped, .. } = self.options;
         let mut draw = self.draw(1 + camera as u64, exposure);
@@ -103,10 +108,14 @@ impl Faults {
         })
     }
 
-    /// Whether a pattern event is lost.
+    /// Whether the event of the pattern of an exposure is lost.
     #[must_use]
-    pub fn loses_event(&self, sequence: u64) -> bool {
-        self.draw(0, sequence) < self.options.events_lost
+    pub fn loses_event(&self, exposure: u64) -> bool {
+        self.act_at(exposure) && self.draw(0, exposure) < self.options.events_lost
+    }
+
+    fn act_at(&self, exposure: u64) -> bool {
+        self.options.exposures.is_none_or(|[first, end]| (first..end).contains(&exposure))
     }
 
     /// Returns a random number from 0 to below 1 for an item of a source.
@@ -132,6 +141,7 @@ mod tests {
         hidden_duplicated: 0.03,
         hidden_swapped: 0.01,
         events_lost: 0.05,
+        exposures: None,
         seed: 3,
     };
 
@@ -170,6 +180,18 @@ mod tests {
         };
         assert_eq!(faults(3), faults(3));
         assert_ne!(faults(3), faults(4));
+    }
+
+    #[test]
+    fn faults_of_a_limited_time_are_those_of_an_unlimited_one() {
+        let always = Faults::new(OPTIONS).unwrap();
+        let limited = Faults::new(FaultOptions { exposures: Some([200, 500]), ..OPTIONS }).unwrap();
+        for k in 0..1000 {
+            let acts = (200..500).contains(&k);
+            let expected = always.image_fault(CameraId::Cam1, k).filter(|_| acts);
+            assert_eq!(limited.image_fault(CameraId::Cam1, k), expected, "exposure {k}");
+            assert_eq!(limited.loses_event(k), acts && always.loses_event(k), "exposure {k}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! the pattern: the step that is due if the images follow each other in order. Each step occurs regularly among the
 //! poses. If the projector shows another step, a nearby pose has it, so the fringes are always correct.
 //!
-//! A pose of both cameras at 640 × 512 pixels costs one to two seconds of one core, depending on the object, so the
+//! A pose of both cameras at 640 × 512 pixels costs about half a second of one core, depending on the object, so the
 //! loop is stored in a file.
 
 use std::ops::ControlFlow;

@@ -16,7 +16,7 @@ use super::virtual_scanner::VirtualScanner;
 
 const MAGIC: [u8; 8] = *b"FFIMLOOP";
 /// Increased with each change of the layout, and of the images of a scanner with the same options.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Header before the pixels.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]

@@ -126,7 +126,7 @@ impl ObjectMotion {
         let offsets = (1..=half).flat_map(|i| [-1.0, 1.0].map(|side| side * i as f64 / PARTS as f64));
         let parts = offsets.filter(|_| self.options.blur > 0.0).map(|offset| {
             let scene = scene(image as f64 + self.options.blur * offset);
-            View::trace_after(&middle, &rig.exact, &scene, camera, supersampling)
+            View::for_images(&rig.exact, &scene, camera, supersampling)
         });
         let parts = parts.collect::<Result<_, _>>()?;
         Ok((middle, parts))

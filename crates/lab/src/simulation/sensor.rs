@@ -141,20 +141,40 @@ impl Sensor {
     /// Returns the image of a pattern.
     #[must_use]
     pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
-        self.exposure(view, &[], pattern, seed)
+        let sensitivity = self.sensitivity([view.width, view.height], seed);
+        self.exposure((view, &[]), pattern, &sensitivity, seed)
+    }
+
+    /// Returns the sensitivity of the pixels of a camera, which is the same in all its images.
+    pub(super) fn sensitivity(&self, [width, height]: [usize; 2], seed: ImageSeed) -> Sensitivity {
+        let prnu = self.noise.map_or(0.0, |noise| noise.prnu);
+        let rows = if prnu > 0.0 { height } else { 0 };
+        let deviations = (0..rows).into_par_iter().flat_map_iter(|row| {
+            let mut rng = row_generator(seed, self.filter.sensor_number(), SENSITIVITY, row);
+            (0..width).map(move |_| prnu * standard_normal(&mut rng))
+        });
+        Sensitivity { deviations: deviations.collect() }
     }
 
     /// Returns the image of a pattern on a scene that moves while the shutter is open. The light is the mean over the
     /// view in the middle of the exposure and the other views of the same camera, before noise and rounding.
-    pub(super) fn exposure(&self, middle: &View, others: &[View], pattern: &Projected, seed: ImageSeed) -> GreyImage {
+    pub(super) fn exposure(
+        &self,
+        (middle, others): (&View, &[View]),
+        pattern: &Projected,
+        sensitivity: &Sensitivity,
+        seed: ImageSeed,
+    ) -> GreyImage {
         let (view, bytes) = (middle, self.format.bytes());
         let mut pixels = vec![0; view.width * view.height * bytes];
         pixels.par_chunks_mut((view.width * bytes).max(1)).enumerate().for_each(|(v, row)| {
-            let mut noise = self.noise.map(|noise| RowNoise::new(noise, seed, self.filter.sensor_number(), v));
+            let mut rng = row_generator(seed, self.filter.sensor_number(), seed.image, v);
             for (u, pixel) in row.chunks_exact_mut(bytes).enumerate() {
                 let grey = |view: &View| self.grey(view, pattern, v * view.width + u);
                 let grey = (grey(middle) + others.iter().map(grey).sum::<f64>()) / (1 + others.len()) as f64;
-                let noisy = noise.as_mut().map_or(grey, |noise| noise.apply(grey));
+                let noisy = self
+                    .noise
+                    .map_or(grey, |noise| noise.applied(grey, sensitivity.deviation(v * view.width + u), &mut rng));
                 pixel.copy_from_slice(&self.value(noisy).to_le_bytes()[..bytes]);
             }
         });
@@ -186,35 +206,39 @@ impl Sensor {
     }
 }
 
-/// Noise of one row of one image.
-struct RowNoise {
-    noise: Noise,
-    /// Generator of the sensitivity, which is the same in all images of a camera.
-    sensitivity_rng: ChaCha8Rng,
-    /// Generator of shot and read noise, which differ from image to image.
-    noise_rng: ChaCha8Rng,
+/// Sensitivity of the pixels of a camera.
+pub(super) struct Sensitivity {
+    /// Relative deviations from the mean, row by row; empty if there are none.
+    deviations: Vec<f64>,
 }
 
-impl RowNoise {
-    fn new(noise: Noise, seed: ImageSeed, sensor: u8, row: usize) -> Self {
-        let rng = |image: u32| {
-            let mut key = [0; 32];
-            key[..8].copy_from_slice(&seed.seed.to_le_bytes());
-            key[8] = seed.camera;
-            key[9] = sensor;
-            key[12..16].copy_from_slice(&image.to_le_bytes());
-            key[16..24].copy_from_slice(&(row as u64).to_le_bytes());
-            ChaCha8Rng::from_seed(key)
-        };
-        Self { noise, sensitivity_rng: rng(u32::MAX), noise_rng: rng(seed.image) }
+impl Sensitivity {
+    fn deviation(&self, index: usize) -> f64 {
+        self.deviations.get(index).copied().unwrap_or_default()
     }
+}
 
-    fn apply(&mut self, grey: f64) -> f64 {
-        let Noise { full_well_e, read_noise_e, prnu } = self.noise;
-        let per_electron = 255.0 / full_well_e;
-        let electrons = grey / per_electron * (1.0 + prnu * standard_normal(&mut self.sensitivity_rng));
+/// Stands for the number of the image where the sensitivity is drawn.
+const SENSITIVITY: u32 = u32::MAX;
+
+/// Returns the generator for a row of an image.
+fn row_generator(seed: ImageSeed, sensor: u8, image: u32, row: usize) -> ChaCha8Rng {
+    let mut key = [0; 32];
+    key[..8].copy_from_slice(&seed.seed.to_le_bytes());
+    key[8] = seed.camera;
+    key[9] = sensor;
+    key[12..16].copy_from_slice(&image.to_le_bytes());
+    key[16..24].copy_from_slice(&(row as u64).to_le_bytes());
+    ChaCha8Rng::from_seed(key)
+}
+
+impl Noise {
+    /// Returns a grey level with shot and read noise, at a pixel whose sensitivity deviates by a share.
+    fn applied(&self, grey: f64, deviation: f64, rng: &mut ChaCha8Rng) -> f64 {
+        let per_electron = 255.0 / self.full_well_e;
+        let electrons = grey / per_electron * (1.0 + deviation);
         // With hundreds of electrons or more, the Poisson distribution is close to a normal distribution.
-        let sd = (electrons.max(0.0) + read_noise_e * read_noise_e).sqrt();
-        (electrons + sd * standard_normal(&mut self.noise_rng)) * per_electron
+        let sd = (electrons.max(0.0) + self.read_noise_e * self.read_noise_e).sqrt();
+        (electrons + sd * standard_normal(rng)) * per_electron
     }
 }

@@ -357,7 +357,11 @@ impl Simulation {
         let seen = |view: View| if self.staging.covered == Some(camera) { view.half_covered() } else { view };
         let (middle, parts) = motion.views(&self.rig, &self.scene, camera, number, options.supersampling)?;
         let (middle, parts) = (seen(middle), parts.into_iter().map(seen).collect::<Vec<_>>());
-        Ok(sensors.map(|sensor| sensor.exposure(&middle, &parts, pattern, seed)).collect())
+        let image = |sensor: Sensor| {
+            let sensitivity = sensor.sensitivity(options.rig.size_px, seed);
+            sensor.exposure((&middle, &parts), pattern, &sensitivity, seed)
+        };
+        Ok(sensors.map(image).collect())
     }
 
     fn description(&self) -> DatasetDescription {

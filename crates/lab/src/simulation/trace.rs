@@ -14,6 +14,9 @@ const TOLERANCE_MM: f64 = 1e-6;
 const MAX_REFINEMENTS: usize = 40;
 /// Minimum step along the ray, millimetres.
 const MIN_STEP_MM: f64 = 4e-3;
+/// The same for shadow rays, which start at a surface, where free distances are short. A crest this thin is lower than a
+/// ten-thousandth of a millimetre.
+const MIN_SHADOW_STEP_MM: f64 = 0.05;
 /// Factor by which a trial step exceeds the free distance.
 const STRETCH: f64 = 1.7;
 /// Height above the surface at which shadow rays start, millimetres: well above the tolerance of hits, well below the
@@ -39,7 +42,7 @@ pub(super) fn first_hit(scene: &Scene, ray: &Ray) -> Option<Hit> {
     let mut nearest = board.map(|(distance, normal)| Hit { point: ray.at(distance), normal, surface: Surface::Board });
     let mut limit = board.map_or(f64::INFINITY, |(distance, _)| distance);
     for (solid, surface) in solids(scene) {
-        if let Some(distance) = march(solid, ray, limit) {
+        if let Some(distance) = march(solid, ray, limit, MIN_STEP_MM) {
             let point = ray.at(distance);
             nearest = Some(Hit { point, normal: normal(solid, &point), surface });
             limit = distance;
@@ -54,26 +57,6 @@ fn solids(scene: &Scene) -> impl Iterator<Item = (&dyn Solid, Surface)> {
     std::iter::once((scene.solid.as_ref(), Surface::Object)).chain(hand)
 }
 
-/// Half the length of the interval of a ray that is searched for an expected hit, millimetres.
-const REACH_MM: f64 = 0.02;
-
-/// Returns the intersection of a ray with the scene, if it lies where the ray meets the tangential plane of a nearby
-/// hit. The caller ensures that nothing is in front of it.
-pub(super) fn hit_near(scene: &Scene, ray: &Ray, close: &Hit) -> Option<Hit> {
-    if close.surface == Surface::Board {
-        let distance = scene.board?.distance(ray)?;
-        return Some(Hit { point: ray.at(distance), ..*close });
-    }
-    let (solid, surface) = solids(scene).find(|(_, surface)| *surface == close.surface)?;
-    let expected = (close.point - ray.origin).dot(&close.normal) / ray.direction.dot(&close.normal);
-    let [outside, inside] = [expected - REACH_MM, expected + REACH_MM].map(|at| (at, solid.distance_mm(&ray.at(at))));
-    if !(outside.1 > 0.0 && inside.1 < 0.0) {
-        return None;
-    }
-    let point = ray.at(crossing(solid, ray, outside, inside));
-    Some(Hit { point, normal: normal(solid, &point), surface })
-}
-
 /// Whether light from `target` (a centre of projection) reaches a point of a surface.
 pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     let origin = hit.point + hit.normal * LIFT_MM;
@@ -83,17 +66,17 @@ pub(super) fn is_free(scene: &Scene, hit: &Hit, target: &PointMm) -> bool {
     }
     let length = to_target.norm();
     let ray = Ray { origin, direction: to_target / length };
-    solids(scene).all(|(solid, _)| march(solid, &ray, length).is_none())
+    solids(scene).all(|(solid, _)| march(solid, &ray, length, MIN_SHADOW_STEP_MM).is_none())
 }
 
 /// Returns the distance along the ray at which it enters the solid, if that is before `limit`.
 ///
 /// Steps are stretched. A stretched step is accepted only if the balls of free space at both its ends meet (Keinert et
 /// al. 2014, "Enhanced sphere tracing"), so nothing is skipped.
-fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
+fn march(solid: &dyn Solid, ray: &Ray, limit: f64, min_step_mm: f64) -> Option<f64> {
     // outside = entry into the box
     // while outside is before the end:
-    //     next = stretched step; if the balls of free space do not meet, an unstretched one of at least MIN_STEP_MM
+    //     next = stretched step; if the balls of free space do not meet, an unstretched one of at least min_step_mm
     //     if next is inside: refine the crossing between outside and next
     let (near, far) = clip(solid.bounds_mm(), ray)?;
     let (mut outside, end) = (near.max(0.0), far.min(limit));
@@ -104,8 +87,8 @@ fn march(solid: &dyn Solid, ray: &Ray, limit: f64) -> Option<f64> {
     while outside <= end {
         let mut next = outside + STRETCH * free;
         let mut there = solid.distance_mm(&ray.at(next));
-        if there < 0.0 || free + there < next - outside || free < MIN_STEP_MM {
-            next = outside + free.max(MIN_STEP_MM);
+        if there < 0.0 || free + there < next - outside || free < min_step_mm {
+            next = outside + free.max(min_step_mm);
             there = solid.distance_mm(&ray.at(next));
         }
         if there < 0.0 {
@@ -190,7 +173,7 @@ mod tests {
                 let to_centre = PointMm::new(1.0, -2.0, 12.0) - origin;
                 let along = to_centre.dot(&ray.direction);
                 let inside = 100.0 - (to_centre.norm_squared() - along * along);
-                let found = march(&ball, &ray, f64::INFINITY);
+                let found = march(&ball, &ray, f64::INFINITY, MIN_STEP_MM);
                 // Rays through less than a sliver may miss.
                 if inside > 1e-3 {
                     let error = found.unwrap() - (along - inside.sqrt());

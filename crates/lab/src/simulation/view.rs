@@ -11,6 +11,7 @@ use fringeflow_dataset::CameraId;
 
 use super::ray::Ray;
 use super::scene::Scene;
+use super::smooth_surface::{self, Seen};
 use super::solid::{Material, PointMm};
 use super::trace::{Hit, first_hit, is_free};
 use super::{SimulationError, check_range};
@@ -42,7 +43,7 @@ pub struct View {
     pub per_pixel: usize,
     /// `width · height · per_pixel` samples.
     pub samples: Vec<Sample>,
-    /// What the centre of every pixel sees.
+    /// What the centre of every pixel sees. A view for images alone has none.
     pub centres: Vec<Centre>,
 }
 
@@ -53,6 +54,12 @@ pub struct Centre {
     pub hit: Option<Hit>,
     /// Light at that point.
     pub sample: Sample,
+}
+
+impl Centre {
+    fn seen(&self) -> Seen {
+        Seen { surface: self.hit.map(|hit| hit.surface), sample: self.sample }
+    }
 }
 
 /// Largest deviations from linearity for interpolating samples: projector pixels, and share of the brightness.
@@ -69,43 +76,39 @@ impl View {
     /// # Errors
     /// [`SimulationError::Range`]: there are more than 4 × 4 samples, or none.
     pub fn trace(rig: &Rig, scene: &Scene, camera: CameraId, supersampling: usize) -> Result<Self, SimulationError> {
-        Self::trace_with(None, rig, scene, camera, supersampling)
+        let eye = Eye::new(rig, scene, camera);
+        let centres = eye.centres();
+        let seen = centres.iter().map(Centre::seen).collect();
+        Ok(Self { centres, ..Self::of(&eye, seen, supersampling)? })
     }
 
-    /// As [`Self::trace`], but with less work. `previous` is the view of the same camera on the same scene before a
-    /// small motion.
+    /// As [`Self::trace`], but without centres, and with less work: see [`super::smooth_surface`].
     ///
     /// # Errors
     /// As [`Self::trace`].
-    pub(super) fn trace_after(
-        previous: &Self,
+    pub(super) fn for_images(
         rig: &Rig,
         scene: &Scene,
         camera: CameraId,
         supersampling: usize,
     ) -> Result<Self, SimulationError> {
-        Self::trace_with(Some(previous), rig, scene, camera, supersampling)
+        let eye = Eye::new(rig, scene, camera);
+        let seen = smooth_surface::seen(&eye, eye.camera.width_px(), eye.camera.height_px());
+        Self::of(&eye, seen, supersampling)
     }
 
-    fn trace_with(
-        previous: Option<&Self>,
-        rig: &Rig,
-        scene: &Scene,
-        camera: CameraId,
-        supersampling: usize,
-    ) -> Result<Self, SimulationError> {
+    fn of(eye: &Eye<'_>, seen: Vec<Seen>, supersampling: usize) -> Result<Self, SimulationError> {
         check_range("supersampling", supersampling as f64, 1.0, MAX_SUPERSAMPLING as f64, "samples per side")?;
-        let eye = Eye::new(rig, scene, camera);
         let (width, height) = (eye.camera.width_px(), eye.camera.height_px());
-        let centres = Centres::trace(&eye, width, height, previous);
+        let grid = Grid { width, height, pixels: seen };
         let per_pixel = supersampling * supersampling;
         let mut samples = vec![Sample::default(); width * height * per_pixel];
         samples.par_chunks_mut((width * per_pixel).max(1)).enumerate().for_each(|(v, row)| {
             for (u, pixel) in row.chunks_exact_mut(per_pixel).enumerate() {
-                centres.fill(&eye, u, v, supersampling, pixel);
+                grid.fill(eye, u, v, supersampling, pixel);
             }
         });
-        Ok(Self { width, height, per_pixel, samples, centres: centres.pixels })
+        Ok(Self { width, height, per_pixel, samples, centres: Vec::new() })
     }
 
     /// Samples of a pixel.
@@ -148,11 +151,6 @@ impl<'a> Eye<'a> {
         Some(Ray { origin: self.centre, direction: self.scene.direction_to_object(&direction.normalize()) })
     }
 
-    /// Returns the image of a point in the camera.
-    pub(super) fn project(&self, point: &PointMm) -> Option<Pixel> {
-        self.camera.project(&self.cam1_from_camera.inverse_transform_point(&self.scene.to_cam1(point)))
-    }
-
     /// Returns the first hit of the ray of an image point.
     fn hit(&self, pixel: &Pixel) -> Option<Hit> {
         first_hit(self.scene, &self.ray(pixel)?)
@@ -163,6 +161,22 @@ impl<'a> Eye<'a> {
     pub(super) fn projector_pixel(&self, hit: &Hit) -> Option<Pixel> {
         let pixel = self.rig.project_projector(&self.scene.to_cam1(&hit.point))?;
         self.rig.projector.sees(&pixel).then_some(pixel)
+    }
+
+    fn centres(&self) -> Vec<Centre> {
+        let (width, height) = (self.camera.width_px(), self.camera.height_px());
+        let mut pixels = vec![Centre::default(); width * height];
+        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
+            for (u, pixel) in row.iter_mut().enumerate() {
+                *pixel = self.centre(u, v);
+            }
+        });
+        pixels
+    }
+
+    /// Returns what the centre of a pixel sees.
+    pub(super) fn seen(&self, u: usize, v: usize) -> Seen {
+        self.centre(u, v).seen()
     }
 
     fn centre(&self, u: usize, v: usize) -> Centre {
@@ -205,35 +219,27 @@ impl<'a> Eye<'a> {
     }
 }
 
-/// The centres of all pixels.
-struct Centres {
+/// What the centres of all pixels see.
+struct Grid {
     width: usize,
     height: usize,
-    pixels: Vec<Centre>,
+    pixels: Vec<Seen>,
 }
 
-impl Centres {
-    fn trace(eye: &Eye<'_>, width: usize, height: usize, previous: Option<&View>) -> Self {
-        let mut pixels = vec![Centre::default(); width * height];
-        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(v, row)| {
-            for (u, pixel) in row.iter_mut().enumerate() {
-                let tracked = previous.and_then(|previous| eye.centre_after(previous, u, v));
-                *pixel = tracked.unwrap_or_else(|| eye.centre(u, v));
-            }
-        });
-        Self { width, height, pixels }
-    }
-
+impl Grid {
     /// Fills the samples of a pixel. They are interpolated on a smooth piece of surface, and traced elsewhere.
     fn fill(&self, eye: &Eye<'_>, u: usize, v: usize, side: usize, samples: &mut [Sample]) {
+        if let [sample] = samples {
+            *sample = self.pixels[v * self.width + u].sample;
+            return;
+        }
         let slopes = self.slopes(u, v);
         for (i, sample) in samples.iter_mut().enumerate() {
             let offset = |k: usize| (k as f64 + 0.5) / side as f64 - 0.5;
             let (du, dv) = (offset(i % side), offset(i / side));
-            *sample = match (&slopes, side) {
-                (_, 1) => self.pixels[v * self.width + u].sample,
-                (Some(slopes), _) => slopes.sample(du as f32, dv as f32),
-                (None, _) => {
+            *sample = match &slopes {
+                Some(slopes) => slopes.sample(du as f32, dv as f32),
+                None => {
                     let hit = eye.hit(&Pixel::new(u as f64 + du, v as f64 + dv));
                     hit.map_or_else(Sample::default, |hit| eye.sample(&hit))
                 }
@@ -247,8 +253,8 @@ impl Centres {
             return None;
         }
         let at = |du: usize, dv: usize| {
-            let Centre { hit, sample } = self.pixels[(v + dv - 1) * self.width + u + du - 1];
-            (hit.map(|h| h.surface), sample)
+            let Seen { surface, sample } = self.pixels[(v + dv - 1) * self.width + u + du - 1];
+            (surface, sample)
         };
         let (surface, middle) = at(1, 1);
         // Opposite neighbours along rows, columns and both diagonals.

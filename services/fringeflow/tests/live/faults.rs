@@ -20,8 +20,8 @@ fn every_fault_is_counted_and_no_window_mixes_steps() {
     assert_eq!(run.code, Some(3));
     bench.assert_nothing_left();
     for (stage, reason) in [
-        ("camera1", DropReason::CameraLost),
-        ("camera2", DropReason::CameraLost),
+        ("camera1", DropReason::Injected),
+        ("camera2", DropReason::Injected),
         ("projector", DropReason::Injected),
         ("pairing", DropReason::Duplicate),
         ("pairing", DropReason::Unpaired),

@@ -43,8 +43,9 @@ impl Capture {
     /// Exposes an image on a trigger.
     pub(crate) fn expose(&mut self, trigger: &Trigger) -> Result<(), AccountError> {
         let exposed = self.camera.expose(trigger);
-        self.account.count_taken(exposed.images + exposed.lost)?;
-        self.account.drop_many(DropReason::CameraLost, exposed.lost)
+        self.account.count_taken(exposed.images + exposed.lost + exposed.injected)?;
+        self.account.drop_many(DropReason::CameraLost, exposed.lost)?;
+        self.account.drop_many(DropReason::Injected, exposed.injected)
     }
 
     /// Counts exposures that yield no image.

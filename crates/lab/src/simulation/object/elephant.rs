@@ -1,11 +1,13 @@
 //! A toy elephant lying on its side, seen from its left.
 
-use crate::simulation::solid::{PointMm, RoundCone, Solid, ellipsoid, round_cone, smooth_cut, smooth_union, sphere};
+use crate::simulation::solid::{PointMm, RoundCone, Solid, ellipsoid, smooth_cut, smooth_union, sphere};
 
 /// An elephant 74 mm long, 22 mm thick.
 pub(super) struct Elephant {
     trunk: Vec<RoundCone>,
+    tusk: RoundCone,
     legs: [RoundCone; 4],
+    tail: RoundCone,
 }
 
 /// Positions and radii along the trunk, from head to tip.
@@ -24,6 +26,15 @@ const LEGS: [[f64; 6]; 4] = [
     [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
 ];
 
+/// Greatest y of the legs, and smallest x of the tail.
+const LEGS_TOP: f64 = 2.0;
+const TAIL_BEGIN: f64 = 31.5;
+/// Fillets between the legs and the body, and between the tail and the body.
+const LEG_FILLET: f64 = 2.0;
+const TAIL_FILLET: f64 = 1.5;
+/// Least slope of the field of a bar.
+const BAR_SLOPE: f64 = 0.95;
+
 /// Fillet between head and body. It does not affect the body farther than this from the head.
 const NECK_FILLET: f64 = 3.0;
 
@@ -41,7 +52,9 @@ impl Elephant {
         };
         Self {
             trunk: TRUNK.windows(2).map(|pair| RoundCone::new(ball(pair[0]), ball(pair[1]))).collect(),
+            tusk: RoundCone::new(ball([-24.0, 2.0, 16.0, 1.7]), ball([-33.0, -4.0, 18.0, 0.8])),
             legs: LEGS.map(leg),
+            tail: RoundCone::new(ball([33.0, 7.0, 11.0, 1.5]), ball([37.0, -6.0, 11.5, 1.0])),
         }
     }
 
@@ -49,9 +62,8 @@ impl Elephant {
         let skull = ellipsoid(p, PointMm::new(-20.0, 13.5, 11.0), PointMm::new(10.5, 11.5, 9.5));
         let cheek = smooth_union(skull, sphere(p, PointMm::new(-24.0, 7.0, 11.0), 7.0), 3.0);
         let head = self.trunk.iter().fold(cheek, |head, bar| smooth_union(head, bar.distance(p), 1.5));
-        let tusk = round_cone(p, (PointMm::new(-24.0, 2.0, 16.0), 1.7), (PointMm::new(-33.0, -4.0, 18.0), 0.8));
         let eye = sphere(p, PointMm::new(-25.5, 13.5, 18.6), 1.3);
-        smooth_union(smooth_union(head, tusk, 0.6), eye, 0.3)
+        smooth_union(smooth_union(head, self.tusk.distance(p), 0.6), eye, 0.3)
     }
 }
 
@@ -63,10 +75,19 @@ impl Solid for Elephant {
         } else {
             chest
         };
-        let body = self.legs.iter().fold(body, |body, leg| smooth_union(body, leg.distance(point), 2.0));
+        // A part that is farther than its fillet does not change the field.
+        let body = if BAR_SLOPE * (point.y - LEGS_TOP) < body + LEG_FILLET {
+            self.legs.iter().fold(body, |body, leg| smooth_union(body, leg.distance(point), LEG_FILLET))
+        } else {
+            body
+        };
         let ear = smooth_union(ear(point), body, 0.8);
-        let tail = round_cone(point, (PointMm::new(33.0, 7.0, 11.0), 1.5), (PointMm::new(37.0, -6.0, 11.5), 1.0));
-        smooth_union(ear, tail, 1.5).max(-point.z)
+        let whole = if BAR_SLOPE * (TAIL_BEGIN - point.x) < ear + TAIL_FILLET {
+            smooth_union(ear, self.tail.distance(point), TAIL_FILLET)
+        } else {
+            ear
+        };
+        whole.max(-point.z)
     }
 
     fn bounds_mm(&self) -> (PointMm, PointMm) {
@@ -92,12 +113,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_field_of_the_head_stays_above_its_bound() {
+    fn the_fields_of_its_parts_stay_above_their_bounds() {
         let elephant = Elephant::new();
         for i in 0..40_000_u32 {
             let at = |step: f64| 200.0 * (step * f64::from(i)).fract() - 100.0;
             let point = PointMm::new(at(0.819_172_5), at(0.671_043_6), at(0.549_700_5));
             assert!(elephant.head(&point) > head_lower_bound(&point), "{point}");
+            let [above, before] = [point.y - LEGS_TOP, TAIL_BEGIN - point.x].map(|away| BAR_SLOPE * away);
+            assert!(elephant.legs.iter().all(|leg| above <= 0.0 || leg.distance(&point) >= above), "{point}");
+            assert!(before <= 0.0 || elephant.tail.distance(&point) >= before, "{point}");
         }
     }
 }
