@@ -9,7 +9,7 @@ use fringeflow_base::grey::PixelFormat;
 use image::codecs::bmp::BmpDecoder;
 use image::codecs::pnm::PnmDecoder;
 use image::codecs::tiff::TiffDecoder;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageError};
+use image::{ColorType, DynamicImage, ImageDecoder};
 
 use super::Problem;
 
@@ -46,11 +46,11 @@ impl ImageFile {
             [0x89, b'P', b'N', b'G'] => {
                 let mut decoder = png::Decoder::new(file);
                 decoder.set_transformations(png::Transformations::EXPAND);
-                Self::Png(Box::new(decoder.read_info().map_err(png_damage)?))
+                Self::Png(Box::new(decoder.read_info().map_err(|e| damage(&e))?))
             }
-            b"II*\0" | b"MM\0*" => Self::Tiff(Box::new(TiffDecoder::new(file).map_err(damage)?)),
-            [b'B', b'M', ..] => Self::Bmp(Box::new(BmpDecoder::new(file).map_err(damage)?)),
-            [b'P', b'1'..=b'7', ..] => Self::Pnm(Box::new(PnmDecoder::new(file).map_err(damage)?)),
+            b"II*\0" | b"MM\0*" => Self::Tiff(Box::new(TiffDecoder::new(file).map_err(|e| damage(&e))?)),
+            [b'B', b'M', ..] => Self::Bmp(Box::new(BmpDecoder::new(file).map_err(|e| damage(&e))?)),
+            [b'P', b'1'..=b'7', ..] => Self::Pnm(Box::new(PnmDecoder::new(file).map_err(|e| damage(&e))?)),
             [0xff, 0xd8, ..] => return Err(Problem::Jpeg),
             [] => return Err(Problem::Image("it is empty".to_owned())),
             _ => return Err(Problem::OtherImage),
@@ -108,11 +108,7 @@ impl ImageFile {
     }
 }
 
-fn damage(error: ImageError) -> Problem {
-    Problem::Image(error.to_string())
-}
-
-fn png_damage(error: png::DecodingError) -> Problem {
+fn damage(error: &dyn std::error::Error) -> Problem {
     Problem::Image(error.to_string())
 }
 
@@ -132,8 +128,8 @@ fn stored_format(colour: ColorType) -> Result<PixelFormat, Problem> {
 fn png_samples(mut reader: png::Reader<Reader>) -> Result<(usize, Vec<u16>), Problem> {
     let too_large = || Problem::Image("its pixels do not fit into memory".to_owned());
     let mut bytes = vec![0; reader.output_buffer_size().ok_or_else(too_large)?];
-    let info = reader.next_frame(&mut bytes).map_err(png_damage)?;
-    reader.finish().map_err(png_damage)?;
+    let info = reader.next_frame(&mut bytes).map_err(|e| damage(&e))?;
+    reader.finish().map_err(|e| damage(&e))?;
     bytes.truncate(info.buffer_size());
     let samples = match info.bit_depth {
         png::BitDepth::Sixteen => bytes.chunks_exact(2).map(|b| u16::from_be_bytes([b[0], b[1]])).collect(),
@@ -147,7 +143,7 @@ fn samples(decoder: impl ImageDecoder) -> Result<(usize, Vec<u16>), Problem> {
     let bytes = |values: Vec<u8>| values.into_iter().map(u16::from).collect();
     Ok((
         channels,
-        match DynamicImage::from_decoder(decoder).map_err(damage)? {
+        match DynamicImage::from_decoder(decoder).map_err(|e| damage(&e))? {
             DynamicImage::ImageLuma8(image) => bytes(image.into_raw()),
             DynamicImage::ImageLumaA8(image) => bytes(image.into_raw()),
             DynamicImage::ImageRgb8(image) => bytes(image.into_raw()),

@@ -105,7 +105,7 @@ mod tests {
         let (maps, mut health) =
             (MapsHeader { skew_ns: 7, ..MapsHeader::default() }, Health::new(&HealthLimits::default()));
         (0..5).for_each(|time_ns| {
-            health.add(time_ns, &health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true))
+            health.add(time_ns, &health_measures([&maps.cam1, &maps.cam2], maps.skew_ns, &found.matches, true));
         });
         let report = window_report(&maps, &found, 0, &health);
         let drift = report.drift.measured().unwrap();

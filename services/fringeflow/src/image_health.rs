@@ -11,8 +11,8 @@ use fringeflow_wire::health::image_measures;
 use fringeflow_wire::maps::fit;
 
 use crate::failure::Failure;
+use crate::images::Images;
 use crate::input::Input;
-use crate::proposed::Images;
 use crate::statistics::faults;
 
 /// The health of decoded images, without a result.

@@ -7,6 +7,7 @@ mod diagnosis;
 mod failure;
 mod globals;
 mod image_health;
+mod images;
 mod input;
 mod json;
 mod method;

@@ -11,7 +11,7 @@ use fringeflow::prior::{Moment, Prior};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 use fringeflow::worker::PhasePair;
 use fringeflow_config::Configuration;
-use fringeflow_dataset::{GreyImage, evenly_spaced};
+use fringeflow_dataset::GreyImage;
 use fringeflow_telemetry::HealthFigures;
 use fringeflow_tracking::TrackedStream;
 use fringeflow_tracking::fusion::{FusionSettings, Tracker};
@@ -21,6 +21,7 @@ use fringeflow_wire::maps::fit;
 use crate::diagnosis::{self, Described};
 use crate::failure::Failure;
 use crate::image_health::image_health;
+use crate::images::Images;
 use crate::input::Input;
 use crate::progress;
 use crate::statistics::faults;
@@ -116,21 +117,17 @@ impl ProposedArgs {
         bar.set_message("correspondences");
         let reconstruction = self.reconstruct_with_prior(input, &chosen, &configuration, reconstructor)?;
         bar.finish_and_clear();
-        let middle_image = input.middle_image(&chosen.numbers);
-        let judged = self.judge(input, &chosen, &configuration, reconstruction)?;
-        let (reconstruction, health, likely_cause) = judged.map_err(|e| input.unusable(&e))?;
-        Ok(ProposedOutput { reconstruction, middle_image, health, likely_cause })
+        self.judge(input, &chosen, &configuration, reconstruction)
     }
 
-    /// Judges a result by the health of its images, and tells what seems to be wrong if there is little or none. The
-    /// inner error means that there is none.
+    /// Judges a result by the health of its images, and tells what seems to be wrong if there is little or none.
     fn judge(
         &self,
         input: &Input,
         chosen: &Images,
         configuration: &Configuration,
         result: Result<Reconstruction, ReconstructionError>,
-    ) -> Result<Result<(Reconstruction, HealthFigures, Option<String>), String>, Failure> {
+    ) -> Result<ProposedOutput, Failure> {
         let limits = &configuration.health;
         match result {
             Ok(reconstruction) => {
@@ -139,15 +136,18 @@ impl ProposedArgs {
                 let measures = health_measures([&fits[0], &fits[1]], 0, matches, true);
                 let maps = PhasePair { cam1: cam1.clone(), cam2: cam2.clone(), known_drift: None };
                 let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, Some(matches))?;
-                Ok(Ok((reconstruction, HealthFigures::of_window(&measures, limits), likely_cause)))
+                let health = HealthFigures::of_window(&measures, limits);
+                let middle_image = input.middle_image(&chosen.numbers);
+                Ok(ProposedOutput { reconstruction, middle_image, health, likely_cause })
             }
-            Err(ReconstructionError::Images(error)) => Ok(Err(error.to_string())),
+            Err(ReconstructionError::Images(error)) => Err(input.unusable(&error)),
             Err(ReconstructionError::Match(error)) => {
                 let mut reconstructor = self.measuring.reconstructor(input, chosen, configuration)?;
                 let maps = decode(input, &mut reconstructor, chosen)?;
                 let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, None)?;
                 let faults = faults(&image_health(&maps, limits), likely_cause.as_deref());
-                Ok(Err(faults.into_iter().chain([error.to_string()]).collect::<Vec<_>>().join("\n")))
+                let lines: Vec<String> = faults.into_iter().chain([error.to_string()]).collect();
+                Err(input.unusable(&lines.join("\n")))
             }
         }
     }
@@ -218,50 +218,6 @@ impl ProposedArgs {
             None => Images::consecutive(input, start..end),
             Some(steps) => Images::evenly_spaced(input, start..end, steps),
         }
-    }
-}
-
-/// Phase images of one cloud, by number, in the order of their exposures.
-pub(crate) struct Images {
-    pub(crate) numbers: Vec<usize>,
-    /// Phase shifts of one cycle, rad. With more images than shifts, the reconstruction compensates motion.
-    cycle_rad: Vec<f64>,
-    /// Index of the first image in the cycle.
-    first_step: usize,
-}
-
-impl Images {
-    /// Consecutive images, which show the steps of the cycle in order. Fewer than a cycle count as a cycle of their
-    /// own.
-    ///
-    /// # Errors
-    /// The images do not show the steps in order.
-    pub(crate) fn consecutive(input: &Input, images: Range<usize>) -> Result<Self, Failure> {
-        let (numbers, shifts): (Vec<usize>, Vec<f64>) =
-            images.filter_map(|number| Some((number, input.shift_rad(number)?))).unzip();
-        let cycle_rad = input.setup().cycle_shifts_rad();
-        if numbers.len() < cycle_rad.len() {
-            return Ok(Self { numbers, cycle_rad: shifts, first_step: 0 });
-        }
-        let first_step = cycle_rad.iter().position(|shift| Some(shift) == shifts.first()).unwrap_or(0);
-        match shifts.iter().zip(cycle_rad.iter().cycle().skip(first_step)).position(|(shift, next)| shift != next) {
-            None => Ok(Self { numbers, cycle_rad: cycle_rad.to_vec(), first_step }),
-            Some(place) => Err(input.unusable(&format!(
-                "image {} has a phase shift of {} rad, which is not the next of its cycle; give --frames that show the \
-                 steps in order",
-                numbers[place], shifts[place]
-            ))),
-        }
-    }
-
-    /// `steps` of the images, evenly spaced, as a cycle of their own.
-    ///
-    /// # Errors
-    /// `steps` does not divide the number of images.
-    pub(crate) fn evenly_spaced(input: &Input, images: Range<usize>, steps: usize) -> Result<Self, Failure> {
-        let numbers = evenly_spaced(images, steps).map_err(Failure::unusable)?;
-        let cycle_rad = numbers.iter().filter_map(|&number| input.shift_rad(number)).collect();
-        Ok(Self { numbers, cycle_rad, first_step: 0 })
     }
 }
 

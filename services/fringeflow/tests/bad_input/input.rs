@@ -70,8 +70,11 @@ pub(crate) fn write_image(
     encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
 }
 
+/// A change of a dataset folder.
+pub(crate) type Change = fn(&Path);
+
 /// Changes of a dataset folder that leave its images and its calibration the same.
-pub(crate) const OTHER_NAMES: &[(&str, fn(&Path))] = &[
+pub(crate) const OTHER_NAMES: &[(&str, Change)] = &[
     ("TIFF", |folder| rewrite_images(folder, "tif", image::ImageFormat::Tiff)),
     ("BMP", |folder| rewrite_images(folder, "BMP", image::ImageFormat::Bmp)),
     ("PGM", |folder| rewrite_images(folder, "pgm", image::ImageFormat::Pnm)),

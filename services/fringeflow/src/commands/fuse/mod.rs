@@ -19,10 +19,11 @@ use fringeflow_tracking::fusion::{FusionSettings, Tracker, write_model};
 
 use crate::acting_options::ActingOptions;
 use crate::failure::Failure;
+use crate::images::Images;
 use crate::input::Input;
 use crate::json;
 use crate::output_folder::has_extension;
-use crate::proposed::{Images, MeasuringArgs, parse_range};
+use crate::proposed::{MeasuringArgs, parse_range};
 use crate::values::unit;
 
 use pair_use::PairUse;

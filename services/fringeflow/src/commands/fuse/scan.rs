@@ -6,9 +6,10 @@ use fringeflow_tracking::TrackedStream;
 use fringeflow_tracking::fusion::{Tracked, Tracking};
 
 use crate::failure::Failure;
+use crate::images::Images;
 use crate::input::Input;
 use crate::progress;
-use crate::proposed::{Images, try_reconstruct_next};
+use crate::proposed::try_reconstruct_next;
 
 /// A window of images, and its result.
 pub(crate) struct ScanWindow {

@@ -15,8 +15,9 @@ use fringeflow_lab::preview::drift_picture;
 use fringeflow_telemetry::health::{Limits, Quantity, median};
 
 use crate::failure::Failure;
+use crate::images::Images;
 use crate::input::Input;
-use crate::proposed::{Geometry, Images, read_configuration, reconstruct, reconstructor};
+use crate::proposed::{Geometry, read_configuration, reconstruct, reconstructor};
 use crate::{json, output_folder, progress};
 
 use super::{Args, CalibratedRig};
