@@ -70,11 +70,6 @@ pub(crate) fn sample_of(
     SampledPoints::of_surface(&surface_of(camera, sigma_m, seed, meet), usize::MAX)
 }
 
-/// All points of a surface, row by row.
-pub(crate) fn points(surface: &OrganizedSurface) -> Vec<SurfacePoint> {
-    (0..surface.size_px()[1]).flat_map(|row| surface.row(row)).collect()
-}
-
 /// Intersects the ray of a camera at `world_from_cam1` with hills of a height, about 0.3 m away.
 pub(crate) fn hills(world_from_cam1: &Pose, height_m: f64, ray: &Vector3) -> Option<Point3> {
     let world_z =
