@@ -28,7 +28,7 @@ fn every_example_rig_finds_the_object_in_a_simulated_dataset() {
         let set = bench.path("set");
         bench.execute(&[0], &[&"simulate", &"--config", &example, &"-o", &set]);
         let found = bench.json(&[0], &[&"evaluate", &set, &"--json"]);
-        let [com, fpc] = ["com", "fpc"].map(|figure| found[figure].as_f64().unwrap());
+        let [com, fpc] = ["com_percent", "fpc_percent"].map(|figure| found[figure].as_f64().unwrap());
         assert!(com > 99.0 && fpc < 0.1, "{}: com {com} %, fpc {fpc} %", example.display());
     }
 }
@@ -52,7 +52,10 @@ fn scan(example: &Path) {
     let part = format!("rate_hz = 10.0\nregion_px = [{x}, {y}, {}, {}]", PART_PX[0], PART_PX[1]);
     let line = |key: &str| text.lines().find(|line| line.starts_with(key)).unwrap();
     let text = text.replace(line("name = "), &format!("name = \"{NAME}\"")).replace(line("rate_hz = "), &part);
-    let bench = Bench::from_configuration(&text);
+    // The scanner of `virtual.toml` moves along a long sweep, whose images take minutes to render. The others rest.
+    let short = "\n[virtual_scanner.sweep]\nposes = 4\ntravel_mm = [0, 0, 0]\nturn_deg = [0, 0, 0]\n";
+    let sweep = if text.contains("source = \"virtual\"") { short } else { "" };
+    let bench = Bench::from_configuration(&format!("{text}{sweep}"));
     if calibration.exists() {
         fs::copy(&calibration, bench.path(calibration.file_name().unwrap().to_str().unwrap())).unwrap();
     }
