@@ -47,7 +47,8 @@ if grep --quiet injected "$out/run.txt"; then
     cat <<END
 
 One fault was on purpose: from second 22 to 24 the virtual cameras lost a tenth of their images (table
-[virtual_scanner.faults] of demo.toml). The table above and "Drops by stage and reason" on dashboard and report count
-them as \`injected\`, and the images without a partner as \`unpaired\`. "Rates" shows two seconds with fewer clouds.
+[virtual_scanner.faults] of demo.toml). The table above, and "Drops ... by stage and reason" on the dashboard and in the
+report, count them as \`injected\`, and images without a partner as \`unpaired\`. "Rates" shows two seconds with fewer
+clouds.
 END
 fi
