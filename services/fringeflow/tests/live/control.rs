@@ -56,11 +56,11 @@ fn control_starts_and_stops_scan_and_recording_sets_marks_and_quits() {
     let listed = bench.json(&[0], &[&"status", &"--json"]);
     assert_eq!(
         (&listed["instances"][0]["instance"], &listed["instances"][0]["state"]),
-        (&NAME.into(), &"scanning".into())
+        (&NAME.into(), &"scanning (virtual images)".into())
     );
     assert!(listed["instances"][0]["since"].as_str().unwrap().ends_with('Z'), "{listed}");
     let text = bench.execute(&[0], &[&"status"]);
-    assert!(text.starts_with("NAME ") && text.lines().nth(1).unwrap().ends_with("scanning"), "{text}");
+    assert!(text.starts_with("NAME ") && text.lines().nth(1).unwrap().ends_with("scanning (virtual images)"), "{text}");
 
     assert_eq!(bench.control(&[&"stop"]), "t: scan stopped\n");
     assert_eq!(bench.control(&[&"stop"]), "t: the scan is already stopped\n");

@@ -43,7 +43,7 @@ fn a_full_disk_ends_the_recording_but_not_the_scan() {
     live.wait_until("status knows that the recording has ended", || status()["recorder"]["early_end"] == "disk full");
     assert!(status()["recorder"]["rate"]["measured"].as_f64().unwrap() > 0.0);
     let said = bench.execute(&[0], &[&"status", &NAME]);
-    let ended = format!("t: scanning; the recording {} has ended: disk full\n", recording.display());
+    let ended = format!("t: scanning (virtual images); the recording {} has ended: disk full\n", recording.display());
     assert!(said.starts_with(&ended) && said.contains("a second of recording takes"), "{said}");
     // Nothing is marked in a recording that has ended, and another one can start.
     live.wait_until("marks are refused", || bench.fringeflow(&[&"control", &NAME, &"mark"]).status.code() != Some(0));
