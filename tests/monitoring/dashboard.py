@@ -207,7 +207,7 @@ class Checks:
         if shown != lost:
             return f"{shown:g} losses are shown, but there are {lost}"
         summary = self.page.text("#drops-summary")
-        expected = f"Since the start: {losses}." if lost else "Nothing lost"
+        expected = f"Since the start: {losses}."
         if not summary.startswith(expected):
             return f"the summary of drops is “{summary}” for {lost} losses, but the monitor states “{losses}”"
         return None
