@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use fringeflow::geometry::Rig;
-use fringeflow_dataset::{CALIBRATION_FILE, META_FILE};
+use fringeflow_dataset::{CALIBRATION_FILE, GreyImage, META_FILE, read_grey};
 use fringeflow_lab::simulation::{Board, NoiseLevel, Object, RigOptions, Simulation, SimulationOptions};
 
 /// Width and height of the images, pixels: the smallest that the virtual scanner accepts.
@@ -108,7 +108,8 @@ fn rename_images(folder: &Path, name: impl Fn(usize) -> String) {
 
 fn rewrite_images(folder: &Path, ending: &str, format: image::ImageFormat) {
     for (_, path) in phase_images(folder) {
-        let image = image::load_from_memory(&std::fs::read(&path).unwrap()).unwrap();
+        let GreyImage { width, height, pixels, .. } = read_grey(&path, None, None).unwrap();
+        let image = image::GrayImage::from_raw(width as u32, height as u32, pixels).unwrap();
         std::fs::remove_file(&path).unwrap();
         image.save_with_format(path.with_extension(ending), format).unwrap();
     }
