@@ -20,7 +20,8 @@ pub(super) enum ImageFile {
     Png(Box<png::Reader<Reader>>),
     Tiff(Box<TiffDecoder<Reader>>),
     Bmp(Box<BmpDecoder<Reader>>),
-    Pnm(Box<PnmDecoder<Reader>>),
+    /// With the largest value that the file states.
+    Pnm(Box<PnmDecoder<Reader>>, u32),
 }
 
 /// The content of an image file.
@@ -50,7 +51,7 @@ impl ImageFile {
             }
             b"II*\0" | b"MM\0*" => Self::Tiff(Box::new(TiffDecoder::new(file).map_err(|e| damage(&e))?)),
             [b'B', b'M', ..] => Self::Bmp(Box::new(BmpDecoder::new(file).map_err(|e| damage(&e))?)),
-            [b'P', b'1'..=b'7', ..] => Self::Pnm(Box::new(PnmDecoder::new(file).map_err(|e| damage(&e))?)),
+            [b'P', b'1'..=b'7', ..] => open_pnm(file)?,
             [0xff, 0xd8, ..] => return Err(Problem::Jpeg),
             [] => return Err(Problem::Image("it is empty".to_owned())),
             _ => return Err(Problem::OtherImage),
@@ -63,7 +64,7 @@ impl ImageFile {
             Self::Png(reader) => [reader.info().width, reader.info().height].map(|side| side as usize),
             Self::Tiff(decoder) => size_px(decoder.as_ref()),
             Self::Bmp(decoder) => size_px(decoder.as_ref()),
-            Self::Pnm(decoder) => size_px(decoder.as_ref()),
+            Self::Pnm(decoder, _) => size_px(decoder.as_ref()),
         }
     }
 
@@ -78,7 +79,7 @@ impl ImageFile {
             Self::Tiff(decoder) => stored_format(decoder.color_type()),
             Self::Bmp(decoder) => stored_format(decoder.color_type()),
             // Only this kind of file states its largest value.
-            Self::Pnm(decoder) => match decoder.header().maximal_sample() {
+            Self::Pnm(_, most) => match *most {
                 1 | 255 => Ok(PixelFormat::Grey),
                 most => {
                     let format = PixelFormat::ALL.into_iter().find(|format| u32::from(format.max_value()) == most);
@@ -102,10 +103,18 @@ impl ImageFile {
             Self::Png(reader) => png_samples(*reader)?,
             Self::Tiff(decoder) => samples(*decoder)?,
             Self::Bmp(decoder) => samples(*decoder)?,
-            Self::Pnm(decoder) => samples(*decoder)?,
+            Self::Pnm(decoder, _) => samples(*decoder)?,
         };
         Ok(Decoded { size_px, format, channels, samples })
     }
+}
+
+/// Reads the header of a PGM file. The decoder gives it away only with the file, so the file is read from its start again.
+fn open_pnm(file: Reader) -> Result<ImageFile, Problem> {
+    let (mut file, header) = PnmDecoder::new(file).map_err(|e| damage(&e))?.into_inner();
+    file.rewind().map_err(Problem::Unreadable)?;
+    let decoder = PnmDecoder::new(file).map_err(|e| damage(&e))?;
+    Ok(ImageFile::Pnm(Box::new(decoder), header.maximal_sample()))
 }
 
 fn damage(error: &dyn std::error::Error) -> Problem {
