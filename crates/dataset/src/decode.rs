@@ -103,7 +103,10 @@ impl ImageFile {
             Self::Png(reader) => png_samples(*reader)?,
             Self::Tiff(decoder) => samples(*decoder)?,
             Self::Bmp(decoder) => samples(*decoder)?,
-            Self::Pnm(decoder, _) => samples(*decoder)?,
+            Self::Pnm(decoder, most) => {
+                let (channels, samples) = samples(*decoder)?;
+                (channels, samples.into_iter().map(|sample| stored_value(sample, most)).collect())
+            }
         };
         Ok(Decoded { size_px, format, channels, samples })
     }
@@ -119,6 +122,12 @@ fn open_pnm(file: Reader) -> Result<ImageFile, Problem> {
 
 fn damage(error: &dyn std::error::Error) -> Problem {
     Problem::Image(error.to_string())
+}
+
+/// The value that a PGM file stores, from a sample that the decoder has scaled to 16 bits.
+fn stored_value(sample: u16, most: u32) -> u16 {
+    const SCALED: u32 = u16::MAX as u32;
+    if most <= 255 { sample } else { ((u32::from(sample) * most + SCALED / 2) / SCALED) as u16 }
 }
 
 fn size_px(decoder: &impl ImageDecoder) -> [usize; 2] {
@@ -164,4 +173,34 @@ fn samples(decoder: impl ImageDecoder) -> Result<(usize, Vec<u16>), Problem> {
             _ => return Err(Problem::OtherImage),
         },
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pgm_file_states_its_depth_and_keeps_its_values() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.pgm");
+        let open = |most: u16, values: &[u16]| {
+            let header = format!("P5\n# by hand\n{} 1\n{most}\n", values.len());
+            let bytes: Vec<u8> = match most {
+                0..=255 => values.iter().map(|&value| value as u8).collect(),
+                _ => values.iter().flat_map(|value| value.to_be_bytes()).collect(),
+            };
+            std::fs::write(&path, [header.as_bytes(), &bytes].concat()).unwrap();
+            ImageFile::open(&path).unwrap()
+        };
+        for (most, format) in
+            [(255, PixelFormat::Grey), (1023, PixelFormat::Y10), (4095, PixelFormat::Y12), (65535, PixelFormat::Y16)]
+        {
+            let values = [0, 1, most / 3, most];
+            let Decoded { size_px, format: stored, channels, samples } = open(most, &values).decode().unwrap();
+            assert_eq!((size_px, stored, channels, samples), ([4, 1], format, 1, values.to_vec()));
+        }
+        assert!(matches!(open(1000, &[0]).format(), Err(Problem::Image(_))));
+        std::fs::write(&path, b"P5\n9 9\n255\nshort").unwrap();
+        assert!(ImageFile::open(&path).unwrap().decode().is_err());
+    }
 }
