@@ -70,7 +70,7 @@ fn control_starts_and_stops_scan_and_recording_sets_marks_and_quits() {
         std::thread::sleep(Duration::from_millis(300));
         std::mem::replace(&mut before, bench.counts(Stage::Camera1).passed) == bench.counts(Stage::Camera1).passed
     });
-    assert!(bench.execute(&[0], &[&"status", &NAME]).starts_with("t: stopped\n"));
+    assert!(bench.execute(&[0], &[&"status", &NAME]).starts_with("t: stopped (virtual images)\n"));
     assert_eq!(bench.control(&[&"start"]), "t: scan started\n");
     live.wait_for_clouds(5);
 
