@@ -78,10 +78,10 @@ fn configuration(folder: &Path) -> Result<PathBuf, String> {
         ("\"../demo-output\"", format!("{folder:?}")),
         ("size_px = [640, 512]", format!("size_px = {FULL_PX:?}")),
         ("rate_hz = 30.0", "rate_hz = 10.0".to_owned()),
-        ("poses = 320", "poses = 16".to_owned()),
+        ("poses = 192", "poses = 16".to_owned()),
         ("object = \"elephant\"", "object = \"nose\"".to_owned()),
-        ("travel_mm = [3.0, 2.5, 1.5]", "travel_mm = [0.1, 0.09, 0.016]".to_owned()),
-        ("turn_deg = [12.0, 20.0, 5.0]", "turn_deg = [0.06, 0.1, 0.15]".to_owned()),
+        ("travel_mm = [1.8, 1.5, 0.9]", "travel_mm = [0.1, 0.09, 0.016]".to_owned()),
+        ("turn_deg = [7.2, 12.0, 3.0]", "turn_deg = [0.06, 0.1, 0.15]".to_owned()),
         ("every = 3", "every = 4".to_owned()),
         ("enabled = true", "enabled = false".to_owned()),
     ];

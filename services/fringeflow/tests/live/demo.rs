@@ -13,7 +13,7 @@ fn the_demo_uses_the_configuration_in_its_folder() {
     let changes = [
         ("size_px = [640, 512]", "size_px = [96, 80]"),
         ("period_px = 16.0", "period_px = 48.0"),
-        ("poses = 320", "poses = 8"),
+        ("poses = 192", "poses = 8"),
         ("min_free_mb = 1024", "min_free_mb = 0"),
         ("name = \"demo\"", "name = \"t\""),
         ("enabled = true", "enabled = false"),
