@@ -62,13 +62,17 @@ impl std::fmt::Display for Cause {
 
 /// What makes the images fit, for people. `None` if the result is no worse than that of the alternatives. `matches` is
 /// the result, if there is one.
-pub(crate) fn likely_cause(described: &Described<'_>, maps: &PhasePair, matches: Option<&Matches>) -> Option<String> {
+pub(crate) fn likely_cause(
+    described: &Described<'_>,
+    maps: [&PhaseMap; 2],
+    matches: Option<&Matches>,
+) -> Option<String> {
     let found = matches.map_or(0, found_points);
     let is_good = matches.is_some_and(|matches| found >= undecided_pixels(matches));
     if is_good {
         return None;
     }
-    let with_phase = maps.cam1.fit.valid_pixels;
+    let with_phase = maps[0].fit.valid_pixels;
     let tried =
         causes(described).into_iter().filter_map(|cause| Some((points_without(cause, described, maps)?, cause)));
     let (points, cause) = tried.max_by_key(|(points, _)| *points)?;
@@ -90,8 +94,9 @@ fn causes(described: &Described<'_>) -> Vec<Cause> {
 }
 
 /// Points that the images would have without this cause; `None` if they could not be matched.
-fn points_without(cause: Cause, described: &Described<'_>, maps: &PhasePair) -> Option<u64> {
-    let (mut rig, mut pattern, mut maps) = (*described.rig, *described.pattern, maps.clone());
+fn points_without(cause: Cause, described: &Described<'_>, [cam1, cam2]: [&PhaseMap; 2]) -> Option<u64> {
+    let (mut rig, mut pattern) = (*described.rig, *described.pattern);
+    let mut maps = PhasePair { cam1: cam1.clone(), cam2: cam2.clone(), known_drift: None };
     match cause {
         Cause::Calibration(mistake) => rig = mistake.corrected(&rig),
         Cause::Sign { offset } => {

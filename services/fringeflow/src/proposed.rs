@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::correspondence::{Matches, ResolutionMethod, SegmentFileError, SegmentTable};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Rig};
-use fringeflow::phase::PhaseShifts;
+use fringeflow::phase::{PhaseMap, PhaseShifts};
 use fringeflow::prior::{Moment, Prior};
 use fringeflow::reconstruction::{Reconstruction, ReconstructionError, Reconstructor};
 use fringeflow::worker::PhasePair;
@@ -134,8 +134,8 @@ impl ProposedArgs {
                 let Reconstruction { cam1, cam2, matches, .. } = &reconstruction;
                 let fits = [cam1, cam2].map(fit);
                 let measures = health_measures([&fits[0], &fits[1]], 0, matches, true);
-                let maps = PhasePair { cam1: cam1.clone(), cam2: cam2.clone(), known_drift: None };
-                let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, Some(matches))?;
+                let measuring = &self.measuring;
+                let likely_cause = measuring.likely_cause(input, chosen, configuration, [cam1, cam2], Some(matches))?;
                 let health = HealthFigures::of_window(&measures, limits);
                 let middle_image = input.middle_image(&chosen.numbers);
                 Ok(ProposedOutput { reconstruction, middle_image, health, likely_cause })
@@ -144,7 +144,8 @@ impl ProposedArgs {
             Err(ReconstructionError::Match(error)) => {
                 let mut reconstructor = self.measuring.reconstructor(input, chosen, configuration)?;
                 let maps = decode(input, &mut reconstructor, chosen)?;
-                let likely_cause = self.measuring.likely_cause(input, chosen, configuration, &maps, None)?;
+                let cameras = [&maps.cam1, &maps.cam2];
+                let likely_cause = self.measuring.likely_cause(input, chosen, configuration, cameras, None)?;
                 let faults = faults(&image_health(&maps, limits), likely_cause.as_deref());
                 let lines: Vec<String> = faults.into_iter().chain([error.to_string()]).collect();
                 Err(input.unusable(&lines.join("\n")))
@@ -281,7 +282,7 @@ impl MeasuringArgs {
         input: &Input,
         images: &Images,
         configuration: &Configuration,
-        maps: &PhasePair,
+        maps: [&PhaseMap; 2],
         matches: Option<&Matches>,
     ) -> Result<Option<String>, Failure> {
         let shifts = PhaseShifts::new(&images.cycle_rad).map_err(|e| input.unusable(&e))?;
