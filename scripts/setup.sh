@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 
 # Test for the presence of a package, and the package.
 needed=(
-    "command -v cc:build-essential" # zstd and bzip2 inside .npz archives are C
+    "command -v cc:build-essential" # the memory allocator, mimalloc, is C
     "command -v git:git"
     "has_libclang:libclang-dev" # iceoryx2 reads the system's C headers
 )

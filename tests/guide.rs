@@ -3,7 +3,7 @@
 // A test fails if its preparation fails.
 #![allow(clippy::unwrap_used)]
 
-use fringeflow_message::{DropMeaning, DropReason};
+use fringeflow_message::DropReason;
 use fringeflow_telemetry::DropKind;
 
 #[test]
@@ -16,10 +16,7 @@ fn the_guide_says_of_every_drop_reason_whether_it_is_a_loss() {
         .filter(|row: &Vec<&str>| row.len() == 3)
         .collect();
     for reason in DropReason::ALL {
-        let setting = match reason.drop_meaning() {
-            DropMeaning::Choice(setting) => setting,
-            DropMeaning::Loss | DropMeaning::Unmeasurable => "",
-        };
+        let setting = reason.drop_meaning().setting().unwrap_or_default();
         let expected = vec![reason.name(), DropKind::of(reason).name(), setting];
         assert!(rows.contains(&expected), "the table of losses lacks {expected:?}");
     }

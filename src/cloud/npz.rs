@@ -2,10 +2,8 @@
 
 use std::io::{self, Seek, Write};
 
-use npyz::npz::NpzWriter;
-use npyz::{AutoSerialize, DType, WriterBuilder};
-use zip::write::FileOptions;
-use zip::{CompressionMethod, DateTime};
+use fringeflow_base::npz::NpzWriter;
+use npyz::AutoSerialize;
 
 use super::exported_points::ExportedPoints;
 use super::{CloudExport, CloudPoint};
@@ -39,10 +37,9 @@ pub(super) fn write(
         fields.write(name, |p| p.intensity)?;
     }
     for (key, value) in export.remarks() {
-        fields.write_text(key, &value)?;
+        fields.npz.text(key, &value)?;
     }
-    // Dropping the writer would also write the directory of the archive, but ignore errors.
-    fields.npz.zip_writer().finish()?;
+    fields.npz.finish()?;
     Ok(())
 }
 
@@ -58,33 +55,15 @@ impl<W: Write + Seek> FieldWriter<'_, W> {
 
     /// An array with a value for each point.
     fn write_values<T: AutoSerialize>(&mut self, name: &str, values: impl Iterator<Item = T>) -> io::Result<()> {
-        let array = self.npz.array(name, options())?.default_dtype().shape(&[self.points.len() as u64]);
-        let mut array = array.begin_nd()?;
-        array.extend(values)?;
-        array.finish()
+        self.npz.array(name, &[self.points.len() as u64], values)
     }
-
-    /// A zero-dimensional array of bytes: `str(npz["unit"].item(), "ascii")` in Python.
-    fn write_text(&mut self, name: &str, text: &str) -> io::Result<()> {
-        // NumPy has no byte strings of length zero.
-        let type_str = format!("|S{}", text.len().max(1)).parse().map_err(io::Error::other)?;
-        let array = self.npz.array::<[u8]>(name, options())?.dtype(DType::Plain(type_str)).shape(&[]);
-        let mut array = array.begin_nd()?;
-        array.push(text.as_bytes())?;
-        array.finish()
-    }
-}
-
-/// No compression and a fixed time stamp, so that the same cloud gives the same bytes on any day.
-fn options() -> FileOptions {
-    FileOptions::default().compression_method(CompressionMethod::Stored).last_modified_time(DateTime::default())
 }
 
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
 
-    use npyz::npz::NpzArchive;
+    use fringeflow_base::npz::NpzReader;
 
     use super::*;
     use crate::cloud::export::tests::{EXPORT_MM, sample_points};
@@ -97,8 +76,8 @@ mod tests {
     }
 
     fn read<T: npyz::Deserialize>(bytes: &[u8], name: &str) -> Vec<T> {
-        let mut archive = NpzArchive::new(Cursor::new(bytes)).unwrap();
-        archive.by_name(name).unwrap().unwrap().into_vec().unwrap()
+        let mut archive = NpzReader::new(Cursor::new(bytes)).unwrap();
+        archive.array(name).unwrap().unwrap().into_vec().unwrap()
     }
 
     #[test]
@@ -129,8 +108,8 @@ mod tests {
     #[test]
     fn the_arrays_are_the_fields_of_the_other_formats_and_the_metadata() {
         let bytes = written(&sample_points());
-        let archive = NpzArchive::new(Cursor::new(&bytes)).unwrap();
-        let mut names: Vec<_> = archive.array_names().collect();
+        let archive = NpzReader::new(Cursor::new(&bytes)).unwrap();
+        let mut names: Vec<_> = archive.names().collect();
         let mut expected: Vec<_> = EXPORTED_FIELDS.map(|(name, _)| name).to_vec();
         expected.extend(["unit", "frame", "software", "dataset"]);
         names.sort_unstable();

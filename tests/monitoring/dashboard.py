@@ -1,7 +1,7 @@
 """Checks the monitor's page in a headless Chromium: dashboard.py URL
 
-URL is that of the monitor; with a token: ADDRESS/?token=.... The instance must scan, must not record, and must accept
-commands. Prints one line for each check; exit code 0 means that all succeeded.
+URL is that of the monitor; with a token: ADDRESS/?token=.... The instance must scan with virtual images, track the
+scanner, not record, and accept commands. Prints one line for each check; exit code 0 means that all succeeded.
 """
 
 import argparse
@@ -90,6 +90,11 @@ class Checks:
         expect(instance := self.page.text("#instance"), "the page does not show the name of the instance")
         expect(instance in self.page.run("document.title"), "the title does not contain the name of the instance")
         return f"instance {instance}"
+
+    def the_model_of_virtual_images_is_shown(self):
+        expect(self.page.run("one('#cloud-source').value") == "model", "the page does not show the model first")
+        expect(self.page.run("one('#virtual-images').checkVisibility()"), "the page does not say that images are virtual")
+        return "model, virtual images"
 
     def all_panels_become_live(self):
         found = self.page.ask("livePanels")
@@ -549,6 +554,7 @@ def check_all(checks):
         checks.no_errors(lambda text, url: False)
         return
     for check in (
+        checks.the_model_of_virtual_images_is_shown,
         checks.all_panels_become_live,
         checks.key_figures_change,
         checks.plots_have_lines_that_change,

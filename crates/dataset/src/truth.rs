@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Cursor, Read, Seek, Write};
 use std::path::Path;
 
-use npyz::npz::{NpzArchive, NpzWriter};
-use npyz::{AutoSerialize, WriterBuilder, zip};
+use fringeflow_base::npz::{NpzReader, NpzWriter};
+use npyz::{Deserialize, Order};
 
 use super::Problem;
 
@@ -71,7 +71,7 @@ impl Truth {
 }
 
 fn parse(file: impl Read + Seek, size_px: [usize; 2]) -> Result<Truth, Problem> {
-    let archive = NpzArchive::new(file).map_err(|e| Problem::Truth(e.to_string()))?;
+    let archive = NpzReader::new(file).map_err(|e| Problem::Truth(e.to_string()))?;
     let mut arrays = Arrays { archive, shape: [size_px[1] as u64, size_px[0] as u64] };
     if arrays.has("gt") { arrays.rendered().map(Truth::Rendered) } else { arrays.captured().map(Truth::Captured) }
 }
@@ -86,8 +86,8 @@ fn write_arrays(out: &mut BufWriter<File>, truth: &RenderedTruth, size_px: [usiz
     let [cols, rows] = size_px.map(|n| n as u64);
     let mut npz = NpzWriter::new(out);
     let valid: Vec<bool> = truth.cam2_px.iter().map(|q| q[0].is_finite()).collect();
-    write_array(&mut npz, "XYZ", truth.point.as_flattened(), &[rows, cols, 3])?;
-    write_array(&mut npz, "x2", truth.cam2_px.as_flattened(), &[rows, cols, 2])?;
+    npz.array("XYZ", &[rows, cols, 3], truth.point.as_flattened().iter().copied())?;
+    npz.array("x2", &[rows, cols, 2], truth.cam2_px.as_flattened().iter().copied())?;
     let masks = [
         ("valid", &valid),
         ("vis2", &truth.seen_by_cam2),
@@ -97,39 +97,24 @@ fn write_arrays(out: &mut BufWriter<File>, truth: &RenderedTruth, size_px: [usiz
         ("rd", &truth.reference),
     ];
     for (name, mask) in masks {
-        write_array(&mut npz, name, mask, &[rows, cols])?;
+        npz.array(name, &[rows, cols], mask.iter().copied())?;
     }
     if let Some(gray) = &truth.gray_cam2_px {
-        write_array(&mut npz, "egc_x2", gray.as_flattened(), &[rows, cols, 2])?;
+        npz.array("egc_x2", &[rows, cols, 2], gray.as_flattened().iter().copied())?;
     }
-    // Dropping the writer would also write the directory of the archive, but ignore errors.
-    npz.zip_writer().finish()?;
+    npz.finish()?;
     Ok(())
 }
 
-fn write_array<T: AutoSerialize + Copy>(
-    npz: &mut NpzWriter<&mut BufWriter<File>>,
-    name: &str,
-    values: &[T],
-    shape: &[u64],
-) -> io::Result<()> {
-    // The time is fixed, so that equal ground truths give equal files.
-    let options = zip::write::FileOptions::default().last_modified_time(zip::DateTime::default());
-    let options = options.compression_method(zip::CompressionMethod::Stored);
-    let mut array = npz.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
-    array.extend(values.iter().copied())?;
-    array.finish()
-}
-
 struct Arrays<R: Read + Seek> {
-    archive: NpzArchive<R>,
+    archive: NpzReader<R>,
     /// Rows, columns of the images.
     shape: [u64; 2],
 }
 
 impl<R: Read + Seek> Arrays<R> {
     fn has(&self, name: &str) -> bool {
-        self.archive.array_names().any(|n| n == name)
+        self.archive.names().any(|n| n == name)
     }
 
     fn rendered(&mut self) -> Result<RenderedTruth, Problem> {
@@ -166,7 +151,7 @@ impl<R: Read + Seek> Arrays<R> {
         self.flat(name, Some(&shape))
     }
 
-    fn read<T: npyz::Deserialize + Copy, const N: usize>(
+    fn read<T: Deserialize + Copy, const N: usize>(
         &mut self,
         name: &str,
         shape: &[u64],
@@ -175,16 +160,16 @@ impl<R: Read + Seek> Arrays<R> {
         Ok(flat.as_chunks::<N>().0.to_vec())
     }
 
-    fn flat<T: npyz::Deserialize>(&mut self, name: &str, shape: Option<&[u64]>) -> Result<Vec<T>, Problem> {
+    fn flat<T: Deserialize>(&mut self, name: &str, shape: Option<&[u64]>) -> Result<Vec<T>, Problem> {
         let broken = |e: io::Error| Problem::Truth(format!("array {name}: {e}"));
-        let array = self.archive.by_name(name).map_err(broken)?;
+        let array = self.archive.array(name).map_err(broken)?;
         let array = array.ok_or_else(|| Problem::Truth(format!("array {name} is missing")))?;
         if let Some(shape) = shape
             && array.shape() != shape
         {
             return Err(Problem::Truth(format!("array {name} has shape {:?}; expected {shape:?}", array.shape())));
         }
-        if array.order() != npyz::Order::C {
+        if array.order() != Order::C {
             return Err(Problem::Truth(format!("array {name} is stored in Fortran order; expected C order")));
         }
         array.into_vec().map_err(broken)

@@ -248,6 +248,17 @@ pub enum DropMeaning {
     Unmeasurable,
 }
 
+impl DropMeaning {
+    /// The setting that chooses it; `None` unless it is a choice.
+    #[must_use]
+    pub fn setting(self) -> Option<&'static str> {
+        match self {
+            Self::Choice(setting) => Some(setting),
+            Self::Loss | Self::Unmeasurable => None,
+        }
+    }
+}
+
 impl DropReason {
     /// What the reason means.
     #[must_use]

@@ -17,7 +17,7 @@ const MAX_DESCRIBED_FAULTS: usize = 20;
 pub struct Check {
     /// Messages, without headers.
     pub messages: u64,
-    /// What the recording lacks.
+    /// What was lost.
     #[serde(flatten)]
     pub losses: Losses,
     /// Images of camera 1 and 2 with a repeated number.

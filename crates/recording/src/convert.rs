@@ -296,14 +296,17 @@ fn milliseconds(from_ns: u64, to_ns: u64) -> f64 {
     to_ns.saturating_sub(from_ns) as f64 * 1e-6
 }
 
-/// Returns the counts of a stage; `None` for an unknown reason or incident.
+/// Returns the counts of a stage; `None` for an unknown reason or incident, and for counts that no run reaches, whose
+/// sums would overflow.
 fn counts(report: &StageReport) -> Option<Counts> {
-    let mut counts = Counts { taken: report.taken, passed: report.passed, ..Counts::default() };
+    let possible = |count: u64| (count < 1 << 48).then_some(count);
+    let (taken, passed) = (possible(report.taken)?, possible(report.passed)?);
+    let mut counts = Counts { taken, passed, ..Counts::default() };
     for (name, &count) in &report.dropped {
-        counts.drop_many(DropReason::from_name(name)?, count);
+        counts.drop_many(DropReason::from_name(name)?, possible(count)?);
     }
     for (name, &count) in &report.incidents {
-        counts.note(Incident::from_name(name)?, count);
+        counts.note(Incident::from_name(name)?, possible(count)?);
     }
     Some(counts)
 }

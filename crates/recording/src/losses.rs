@@ -1,57 +1,74 @@
-//! What a recording lacks. `info`, `check` and `recover` count it here, and say it in the same words.
+//! What was lost in a run, and what its recording lacks. `info`, `check` and `recover` count it here, and say it in the
+//! words of the run itself.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Serialize;
 
+use fringeflow_message::{Counts, Stage};
+use fringeflow_telemetry::Verdict;
+
 use crate::{Content, Recording, RecordingError, Topic};
 
 /// What was lost before, while or after a recording was made.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Losses {
+    /// The verdict on the run, by the last recorded report of each stage and the final account of the recorder.
+    pub run: Verdict,
     /// Messages that the recorder took, but that are not in the file; `None` if the recorder was killed and could not
     /// count them.
     pub lost: Option<u64>,
     /// Gaps in the sequence numbers of camera 1 and 2: missing images.
     pub missing_images: [u64; 2],
+    /// Missing images of camera 1 and 2 that no stage of the run counts.
+    pub uncounted_images: [u64; 2],
     /// Gaps in the numbers of the pattern events: missing events.
     pub missing_patterns: u64,
+    /// Missing pattern events that no stage of the run counts.
+    pub uncounted_patterns: u64,
     /// Clouds with a missing image, although their window started within the recording.
     pub clouds_without_images: u64,
 }
 
 impl Losses {
-    /// Whether nothing was lost.
+    /// Whether the run lost anything, or the recording lacks anything that the run did not leave out.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        *self == Self { lost: Some(0), ..Self::default() }
+    pub fn is_loss(&self) -> bool {
+        self.run.is_loss || self.lost.is_none() || !self.lacks().is_empty()
     }
-}
 
-impl fmt::Display for Losses {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// What the file lacks and no stage counts.
+    fn lacks(&self) -> Vec<String> {
         let counted = |count: u64, one: &str, many: &str| match count {
             0 => None,
             1 => Some(format!("1 {one}")),
             count => Some(format!("{count} {many}")),
         };
-        let recorder = match self.lost {
-            Some(lost) => counted(lost, "message of the recorder", "messages of the recorder"),
-            None => {
-                Some("messages of the recorder (unknown how many, because it was not shut down properly)".to_owned())
-            }
-        };
-        let [cam1, cam2] = self.missing_images;
+        let [cam1, cam2] = self.uncounted_images;
         let parts = [
-            recorder,
             counted(cam1, "image of camera 1", "images of camera 1"),
             counted(cam2, "image of camera 2", "images of camera 2"),
-            counted(self.missing_patterns, "pattern event", "pattern events"),
+            counted(self.uncounted_patterns, "pattern event", "pattern events"),
             counted(self.clouds_without_images, "cloud", "clouds").map(|clouds| format!("images of {clouds}")),
         ];
-        let parts: Vec<String> = parts.into_iter().flatten().collect();
-        f.write_str(&if parts.is_empty() { "nothing".to_owned() } else { parts.join(", ") })
+        parts.into_iter().flatten().collect()
+    }
+}
+
+impl fmt::Display for Losses {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lacks = self.lacks();
+        if !lacks.is_empty() {
+            write!(f, "the recording lacks {}; ", lacks.join(", "))?;
+        }
+        if self.lost.is_none() {
+            f.write_str("how many messages the recorder lost is unknown, because it was not shut down properly; ")?;
+        }
+        if !lacks.is_empty() || self.lost.is_none() {
+            f.write_str("in the run, ")?;
+        }
+        self.run.fmt(f)
     }
 }
 
@@ -71,8 +88,37 @@ impl Recording {
         let Numbering { missing_images, missing_patterns, .. } = self.numbering()?;
         let has_all =
             |header: &&fringeflow_message::CloudHeader| self.has_window(header) || self.begins_after(&header.window);
-        let clouds_without_images = self.cloud_headers().filter(|header| !has_all(header)).count() as u64;
-        Ok(Losses { lost: self.lost_messages(), missing_images, missing_patterns, clouds_without_images })
+        let counts = self.stage_counts()?;
+        let dropped_in = |stage: Stage| {
+            counts.iter().filter(|(other, _)| *other == stage).map(|(_, counts)| counts.all_dropped()).sum::<u64>()
+        };
+        let lost = self.lost_messages();
+        let mut run = Verdict::from_counts(&counts);
+        run.add_missing_messages(lost.unwrap_or(0));
+        let [cam1, cam2] = missing_images;
+        Ok(Losses {
+            run,
+            lost,
+            missing_images,
+            uncounted_images: [
+                cam1.saturating_sub(dropped_in(Stage::Camera1)),
+                cam2.saturating_sub(dropped_in(Stage::Camera2)),
+            ],
+            missing_patterns,
+            uncounted_patterns: missing_patterns.saturating_sub(dropped_in(Stage::Projector)),
+            clouds_without_images: self.cloud_headers().filter(|header| !has_all(header)).count() as u64,
+        })
+    }
+
+    /// The last recorded counts of each stage.
+    pub(super) fn stage_counts(&self) -> Result<Vec<(Stage, Counts)>, RecordingError> {
+        let mut last: BTreeMap<u32, Counts> = BTreeMap::new();
+        for message in self.messages_of(Topic::Report) {
+            if let Content::Report(report) = message?.content {
+                last.insert(report.stage, report.counts);
+            }
+        }
+        Ok(last.into_iter().filter_map(|(code, counts)| Some((Stage::from_code(code)?, counts))).collect())
     }
 
     /// Finds gaps and repetitions in the numbers of images and events.
@@ -134,12 +180,15 @@ mod tests {
     #[test]
     fn each_loss_is_named_with_its_number() {
         let losses = Losses { lost: Some(0), ..Losses::default() };
-        assert!(losses.is_empty());
-        assert_eq!(losses.to_string(), "nothing");
-        let losses = Losses { lost: Some(3), missing_images: [0, 1], missing_patterns: 2, clouds_without_images: 4 };
-        assert!(!losses.is_empty());
-        let text = losses.to_string();
-        assert_eq!(text, "3 messages of the recorder, 1 image of camera 2, 2 pattern events, images of 4 clouds");
-        assert!(Losses::default().to_string().contains("unknown how many"));
+        assert_eq!((losses.is_loss(), losses.to_string().as_str()), (false, "nothing was lost"));
+        // What the run left out on purpose also leaves gaps in the numbers.
+        let losses = Losses { missing_images: [3, 0], ..losses };
+        assert_eq!((losses.is_loss(), losses.to_string().as_str()), (false, "nothing was lost"));
+        let losses = Losses { uncounted_images: [0, 1], uncounted_patterns: 2, clouds_without_images: 4, ..losses };
+        let lacks = "1 image of camera 2, 2 pattern events, images of 4 clouds";
+        assert!(losses.is_loss());
+        assert_eq!(losses.to_string(), format!("the recording lacks {lacks}; in the run, nothing was lost"));
+        let killed = Losses::default();
+        assert!(killed.is_loss() && killed.to_string().contains("is unknown"));
     }
 }

@@ -38,32 +38,27 @@ pub struct Recovered {
     pub faults: Vec<String>,
     /// Whether a fault is in the data, and not only in the summary after them.
     pub has_data_fault: bool,
-    /// What the new recording lacks; `None` if it cannot be opened because parts are missing.
+    /// What was lost; `None` if it cannot be opened because parts are missing.
     #[serde(flatten)]
     pub losses: Option<Losses>,
 }
 
 impl Recovered {
-    /// Whether the new recording lacks anything that was sent while it was made.
+    /// Says what was lost in the run and what the new recording lacks; `None` if nothing is missing.
     #[must_use]
-    pub fn has_losses(&self) -> bool {
-        let is_complete = self.losses.as_ref().is_some_and(Losses::is_empty);
-        !is_complete || self.left_out > 0 || !self.foreign.is_empty() || self.has_data_fault
-    }
-
-    /// Says in words what the new recording lacks.
-    #[must_use]
-    pub fn lacks(&self) -> String {
+    pub fn loss(&self) -> Option<String> {
         let foreign: u64 = self.foreign.values().sum();
-        let losses = self.losses.as_ref().filter(|losses| !losses.is_empty());
+        let losses = self.losses.as_ref().filter(|losses| losses.is_loss());
         let parts = [
-            (!self.missing.is_empty()).then(|| self.missing.join(", ")),
             losses.map(Losses::to_string),
-            (self.left_out > 0).then(|| format!("{} messages that are invalid or incomplete", self.left_out)),
-            (foreign > 0).then(|| format!("{foreign} messages that Fringeflow does not read")),
+            (self.left_out > 0).then(|| format!("{} invalid or incomplete messages were left out", self.left_out)),
+            (foreign > 0).then(|| format!("{foreign} messages that Fringeflow does not read were left out")),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
-        if parts.is_empty() { "what was at the faults".to_owned() } else { parts.join(", ") }
+        match parts.is_empty() {
+            true => self.has_data_fault.then(|| "what was at the faults is lost".to_owned()),
+            false => Some(parts.join("; ")),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use fringeflow_message::{Stage, StageReport};
+use fringeflow_message::{Counts, Stage};
 
 use crate::{Content, Losses, Origin, Recording, RecordingError, Topic};
 
@@ -35,9 +35,9 @@ pub struct Summary {
     pub marks: Vec<Remark>,
     /// Messages of the recorder about its losses.
     pub losses: Vec<Remark>,
-    /// What the recording lacks.
+    /// What was lost.
     #[serde(flatten)]
-    pub missing: Losses,
+    pub lost: Losses,
     /// Final counts of the recorder.
     pub account: BTreeMap<String, String>,
     /// Last report of every stage.
@@ -109,9 +109,9 @@ impl Recording {
             points: self.cloud_headers().fold(0, |sum, header| sum.saturating_add(header.points)),
             marks,
             losses,
-            missing: self.losses()?,
+            lost: self.losses()?,
             account: self.recorder_account().clone(),
-            stages: self.stage_summaries()?,
+            stages: self.stage_counts()?.iter().map(StageSummary::new).collect(),
             foreign: self.foreign_messages().clone(),
         })
     }
@@ -125,21 +125,16 @@ impl Recording {
         };
         Topic::ALL.into_iter().map(summary).filter(|summary| summary.messages > 0).collect()
     }
+}
 
-    fn stage_summaries(&self) -> Result<Vec<StageSummary>, RecordingError> {
-        let mut last: BTreeMap<u32, StageReport> = BTreeMap::new();
-        for message in self.messages_of(Topic::Report) {
-            if let Content::Report(report) = message?.content {
-                last.insert(report.stage, *report);
-            }
+impl StageSummary {
+    fn new((stage, counts): &(Stage, Counts)) -> Self {
+        Self {
+            stage: stage.name(),
+            taken: counts.taken,
+            passed: counts.passed,
+            dropped: counts.reasons().map(|(reason, count)| (reason.name(), count)).collect(),
         }
-        let summary = |report: &StageReport| StageSummary {
-            stage: Stage::from_code(report.stage).map_or("", Stage::name),
-            taken: report.counts.taken,
-            passed: report.counts.passed,
-            dropped: report.counts.reasons().map(|(reason, count)| (reason.name(), count)).collect(),
-        };
-        Ok(last.values().map(summary).collect())
     }
 }
 

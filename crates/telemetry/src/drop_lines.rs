@@ -58,13 +58,6 @@ impl DropKind {
     }
 }
 
-fn setting(reason: DropReason) -> Option<&'static str> {
-    match reason.drop_meaning() {
-        DropMeaning::Choice(setting) => Some(setting),
-        DropMeaning::Loss | DropMeaning::Unmeasurable => None,
-    }
-}
-
 impl DropLine {
     /// Returns the lines of some stages: losses first, then choices, what could not be measured, and incidents; in each
     /// group the most frequent first.
@@ -82,7 +75,7 @@ impl DropLine {
             stage,
             reason: reason.name(),
             meaning: reason.meaning(),
-            setting: setting(reason),
+            setting: reason.drop_meaning().setting(),
             count,
         });
         let incidents = counts.incidents().map(move |(incident, count)| Self {

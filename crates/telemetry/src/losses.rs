@@ -57,13 +57,14 @@ impl Losses {
         // With a stride, only some of the pairs complete a wanted window.
         let (wanted, unwanted) = (windowing.passed, windowing.dropped(DropReason::BetweenWindows));
         // Round up: any loss costs at least one cloud.
-        let windows = (no_window * wanted.max(1)).div_ceil((wanted + unwanted).max(1));
+        let windows =
+            (u128::from(no_window) * u128::from(wanted.max(1))).div_ceil(u128::from((wanted + unwanted).max(1)));
         Self {
             images: reported.max(unpaired),
             events: (lost_in(Stage::Projector) + originally_lost_in(Stage::Pattern)).max(pairs_without_pattern),
             refused_windows,
             messages: lost_in(Stage::Recorder),
-            clouds: windows + later,
+            clouds: u64::try_from(windows).unwrap_or(u64::MAX).saturating_add(later),
         }
     }
 }

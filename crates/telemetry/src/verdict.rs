@@ -50,6 +50,14 @@ impl Verdict {
     }
 }
 
+impl Verdict {
+    /// States how many messages are missing in recordings, if it is more than the stages counted.
+    pub fn add_missing_messages(&mut self, count: u64) {
+        self.losses.messages = self.losses.messages.max(count);
+        self.is_loss |= count > 0;
+    }
+}
+
 /// The items of a kind by reason, most frequent first.
 fn left_out(lines: &[DropLine], kind: DropKind) -> Vec<LeftOut> {
     let mut by_reason: BTreeMap<&'static str, LeftOut> = BTreeMap::new();

@@ -1,37 +1,54 @@
 //! All channels: names, types and capacities.
 
 use std::fmt;
-use std::marker::PhantomData;
+use std::sync::Arc;
 
 use fringeflow_message::{
     Block, CloudHeader, CorrespondenceHeader, FrameHeader, MODEL_POINT_BYTES, MapsHeader, ModelHeader, PatternEvent,
     PoseReport, PriorHeader, ScanState, StageReport, WindowReport,
 };
 
-/// Images of camera 1.
-pub const CAM1_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam1Frame);
-/// Images of camera 2.
-pub const CAM2_FRAME: Channel<FrameHeader, [u8]> = Channel::new(ChannelId::Cam2Frame);
-/// Patterns shown by the projector.
-pub const PROJECTOR_PATTERN: Channel<(), PatternEvent> = Channel::new(ChannelId::ProjectorPattern);
-/// Phase maps of both cameras.
-pub const PHASE_MAPS: Channel<MapsHeader, [Block]> = Channel::new(ChannelId::PhaseMaps);
-/// Correspondences of all pixels of camera 1.
-pub const CORRESPONDENCE_MAP: Channel<CorrespondenceHeader, [Block]> = Channel::new(ChannelId::CorrespondenceMap);
-/// Point clouds.
-pub const CLOUD: Channel<CloudHeader, [u8]> = Channel::new(ChannelId::Cloud);
-/// Reports of all stages.
-pub const REPORT_STAGE: Channel<(), StageReport> = Channel::new(ChannelId::ReportStage);
-/// Figures of the windows.
-pub const REPORT_WINDOW: Channel<(), WindowReport> = Channel::new(ChannelId::ReportWindow);
-/// Poses of the scanner.
-pub const TRACKING_POSE: Channel<(), PoseReport> = Channel::new(ChannelId::TrackingPose);
-/// The growing model, thinned.
-pub const TRACKING_MODEL: Channel<ModelHeader, [u8]> = Channel::new(ChannelId::TrackingModel);
-/// Depth priors for the next windows.
-pub const TRACKING_PRIOR: Channel<PriorHeader, [u8]> = Channel::new(ChannelId::TrackingPrior);
-/// The commanded state of the instance; a new subscriber gets the last one.
-pub const SCAN_STATE: Channel<(), ScanState> = Channel::new(ChannelId::ScanState);
+use super::attached::Attached;
+use super::{Header, Node, Payload, TransportError, publisher, subscriber};
+
+/// Defines channels. The functions that open their ports stand in statics: so the code of iceoryx2 behind them is compiled
+/// once, here, and not again in each crate that opens a port.
+macro_rules! channels {
+    ($(#[doc = $doc:literal] $name:ident: $id:ident, $header:ty, $payload:ty;)*) => { $(
+        #[doc = $doc]
+        pub const $name: Channel<$header, $payload> = {
+            static PORTS: Ports<$header, $payload> = Ports::new();
+            Channel { id: ChannelId::$id, ports: &PORTS }
+        };
+    )* };
+}
+
+channels! {
+    /// Images of camera 1.
+    CAM1_FRAME: Cam1Frame, FrameHeader, [u8];
+    /// Images of camera 2.
+    CAM2_FRAME: Cam2Frame, FrameHeader, [u8];
+    /// Patterns shown by the projector.
+    PROJECTOR_PATTERN: ProjectorPattern, (), PatternEvent;
+    /// Phase maps of both cameras.
+    PHASE_MAPS: PhaseMaps, MapsHeader, [Block];
+    /// Correspondences of all pixels of camera 1.
+    CORRESPONDENCE_MAP: CorrespondenceMap, CorrespondenceHeader, [Block];
+    /// Point clouds.
+    CLOUD: Cloud, CloudHeader, [u8];
+    /// Reports of all stages.
+    REPORT_STAGE: ReportStage, (), StageReport;
+    /// Figures of the windows.
+    REPORT_WINDOW: ReportWindow, (), WindowReport;
+    /// Poses of the scanner.
+    TRACKING_POSE: TrackingPose, (), PoseReport;
+    /// The growing model, thinned.
+    TRACKING_MODEL: TrackingModel, ModelHeader, [u8];
+    /// Depth priors for the next windows.
+    TRACKING_PRIOR: TrackingPrior, PriorHeader, [u8];
+    /// The commanded state of the instance; a new subscriber gets the last one.
+    SCAN_STATE: ScanState, (), ScanState;
+}
 
 /// A publish–subscribe channel.
 ///
@@ -79,10 +96,21 @@ pub enum ChannelId {
 }
 
 /// A channel together with the types of its messages: user header `H` and payload `P`.
-pub struct Channel<H, P: ?Sized> {
+pub struct Channel<H: Header, P: Payload + ?Sized> {
     id: ChannelId,
-    types: PhantomData<fn(&H, &P)>,
+    pub(super) ports: &'static Ports<H, P>,
 }
+
+/// The functions that open the ports of a channel.
+pub(super) struct Ports<H: Header, P: Payload + ?Sized> {
+    pub(super) publisher: OpenPublisher<H, P>,
+    pub(super) subscriber: OpenSubscriber<H, P>,
+}
+
+type OpenPublisher<H, P> =
+    fn(&Node, Channel<H, P>, &ChannelLimits) -> Result<Attached<publisher::Port<H, P>>, TransportError>;
+type OpenSubscriber<H, P> =
+    fn(&Node, Channel<H, P>, &ChannelLimits) -> Result<Arc<Attached<subscriber::Port<H, P>>>, TransportError>;
 
 /// Sizes of the messages of an instance. All its processes must use the same sizes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -214,11 +242,13 @@ impl ChannelLimits {
     }
 }
 
-impl<H, P: ?Sized> Channel<H, P> {
-    const fn new(id: ChannelId) -> Self {
-        Self { id, types: PhantomData }
+impl<H: Header, P: Payload + ?Sized> Ports<H, P> {
+    const fn new() -> Self {
+        Self { publisher: publisher::Port::open, subscriber: subscriber::Port::open }
     }
+}
 
+impl<H: Header, P: Payload + ?Sized> Channel<H, P> {
     /// Identifier of the channel.
     #[must_use]
     pub fn id(self) -> ChannelId {
@@ -232,15 +262,15 @@ impl<H, P: ?Sized> Channel<H, P> {
     }
 }
 
-impl<H, P: ?Sized> Clone for Channel<H, P> {
+impl<H: Header, P: Payload + ?Sized> Clone for Channel<H, P> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<H, P: ?Sized> Copy for Channel<H, P> {}
+impl<H: Header, P: Payload + ?Sized> Copy for Channel<H, P> {}
 
-impl<H, P: ?Sized> fmt::Debug for Channel<H, P> {
+impl<H: Header, P: Payload + ?Sized> fmt::Debug for Channel<H, P> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Channel").field(&self.id).finish()
     }

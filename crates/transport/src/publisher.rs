@@ -22,7 +22,7 @@ pub struct Publisher<H: Header, P: Payload + ?Sized> {
     open: Option<Attached<Port<H, P>>>,
 }
 
-struct Port<H: Header, P: Payload + ?Sized> {
+pub(super) struct Port<H: Header, P: Payload + ?Sized> {
     publisher: IoxPublisher<Ipc, P, H>,
     notifier: Notifier<Ipc>,
 }
@@ -34,7 +34,7 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
     /// Another living publisher uses the channel, shared memory is too small, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let limits = channel.id().limits(sizes);
-        let open = Some(Port::open(node, channel, &limits)?);
+        let open = Some((channel.ports.publisher)(node, channel, &limits)?);
         Ok(Self { node: node.clone(), channel, limits, open })
     }
 
@@ -47,7 +47,7 @@ impl<H: Header, P: Payload + ?Sized> Publisher<H, P> {
         if let Some(open) = self.open.as_ref().filter(|open| open.is_current()) {
             open.publisher.update_connections().map_err(|e| self.error("connect", e))?;
         }
-        ensure_open(&mut self.open, || Port::open(&self.node, self.channel, &self.limits))
+        ensure_open(&mut self.open, || (self.channel.ports.publisher)(&self.node, self.channel, &self.limits))
     }
 
     fn error(&self, action: &'static str, reason: impl fmt::Debug) -> TransportError {
@@ -159,7 +159,11 @@ impl<M: Message> Publisher<(), M> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Port<H, P> {
-    fn open(node: &Node, channel: Channel<H, P>, limits: &ChannelLimits) -> Result<Attached<Self>, TransportError> {
+    pub(super) fn open(
+        node: &Node,
+        channel: Channel<H, P>,
+        limits: &ChannelLimits,
+    ) -> Result<Attached<Self>, TransportError> {
         shared_memory::check_free(shared_memory::publisher_bytes(limits))?;
         let member = node.member()?;
         let opened = member.channel(channel, limits)?;

@@ -29,7 +29,7 @@ pub struct Subscriber<H: Header, P: Payload + ?Sized> {
     silence: Silence,
 }
 
-struct Port<H: Header, P: Payload + ?Sized> {
+pub(super) struct Port<H: Header, P: Payload + ?Sized> {
     subscriber: IoxSubscriber<Ipc, P, H>,
     listener: Listener<Ipc>,
 }
@@ -56,7 +56,7 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
     /// The channel has its maximum number of subscribers, or iceoryx2 refuses.
     pub fn open(node: &Node, channel: Channel<H, P>, sizes: &ChannelSizes) -> Result<Self, TransportError> {
         let limits = channel.id().limits(sizes);
-        let open = Some(Port::open(node, channel, &limits)?);
+        let open = Some((channel.ports.subscriber)(node, channel, &limits)?);
         Ok(Self { node: node.clone(), channel, limits, open, silence: Silence::new() })
     }
 
@@ -104,7 +104,7 @@ impl<H: Header, P: Payload + ?Sized> Subscriber<H, P> {
             if let Some(open) = self.open.take() {
                 open.remove_unusable_services();
             }
-            self.open = Some(Port::open(&self.node, self.channel, &self.limits)?);
+            self.open = Some((self.channel.ports.subscriber)(&self.node, self.channel, &self.limits)?);
         }
         Ok(renew)
     }
@@ -119,7 +119,7 @@ impl<H: Header, P: Payload + ?Sized> Listening for Subscriber<H, P> {
 }
 
 impl<H: Header, P: Payload + ?Sized> Port<H, P> {
-    fn open(
+    pub(super) fn open(
         node: &Node,
         channel: Channel<H, P>,
         limits: &ChannelLimits,

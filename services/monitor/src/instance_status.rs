@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use fringeflow_config::ScannerConfiguration;
+use fringeflow_config::{CameraSource, ScannerConfiguration};
 use fringeflow_dataset::Setup;
 use fringeflow_message::{PoseReport, ScanState, Skew, Stage, StageReport, WindowReport};
 use fringeflow_runtime::{Preparation, RecorderStatus, live_services, sources};
@@ -35,6 +35,7 @@ pub(crate) struct InstanceStatus {
     pub(crate) foxglove: Option<String>,
     pub(crate) tally: Tally,
     pub(crate) window: Option<WindowFigures>,
+    has_virtual_images: bool,
     /// Whether tracking is enabled.
     is_tracked: bool,
     tracking_watch: TrackingWatch,
@@ -80,6 +81,7 @@ impl InstanceStatus {
             foxglove: None,
             tally: Tally::default(),
             window: None,
+            has_virtual_images: configuration.cameras == CameraSource::Virtual,
             is_tracked: configuration.measurement.tracking.is_enabled,
             tracking_watch: TrackingWatch::default(),
             tracking: None,
@@ -155,6 +157,7 @@ impl InstanceStatus {
             "stages": Stage::ALL.map(Stage::name),
             "segments": Segment::ALL.map(Segment::name),
             "foxglove": self.foxglove,
+            "virtual_images": self.has_virtual_images,
             "tracked": self.is_tracked,
             "history": self.history,
             "events": self.events.after(0).collect::<Vec<_>>(),

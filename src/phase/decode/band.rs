@@ -80,57 +80,94 @@ impl<S: Sample> Band<'_, S> {
             *samples = self.samples[k];
         }
         let in_pairs = if L::TWO_AT_ONCE && D::IS_CHAIN { whole / 2 * 2 } else { 0 };
-        self.decode_part::<L, D, STEPS, 2>(lanes, decoder, &samples, 0..in_pairs, &mut counts);
-        self.decode_part::<L, D, STEPS, 1>(lanes, decoder, &samples, in_pairs..whole, &mut counts);
-        if rest > 0 {
-            let mut padded = [[S::default(); LANES]; STEPS];
-            for (padded, samples) in padded.iter_mut().zip(&samples).take(self.plan.steps) {
-                padded[..rest].copy_from_slice(&samples[whole * LANES..]);
-            }
-            let [decoded] = decoder.decode(SideBySide::<L, 1>(lanes), |k| [&padded[k]]);
-            let (mut phase, mut modulation, mut mean, mut valid) = ([0; LANES], [0; LANES], [0; LANES], [false; LANES]);
-            let to = (&mut phase, &mut modulation, &mut mean, &mut valid);
-            counts = counts.plus(decoded.check_and_store(lanes, self.limits, (1 << rest) - 1, to));
-            let places = whole * LANES..;
-            self.phase[places.clone()].copy_from_slice(&phase[..rest]);
-            bytemuck::cast_slice_mut(&mut self.modulation[places.clone()]).copy_from_slice(&modulation[..rest]);
-            self.mean[places.clone()].copy_from_slice(&mean[..rest]);
-            self.valid[places].copy_from_slice(&valid[..rest]);
+        // A local copy stays in registers: stores through references could change `self.limits`.
+        let (limits, steps) = (*self.limits, self.plan.steps);
+        let pairs = samples.map(|samples| samples.get(..in_pairs * LANES).unwrap_or_default());
+        decode_part::<S, L, D, STEPS, 2>(
+            lanes,
+            decoder,
+            &limits,
+            (&pairs, steps),
+            self.planes(0..in_pairs * LANES),
+            u32::MAX,
+            &mut counts,
+        );
+        let mut padded = [[S::default(); LANES]; STEPS];
+        let (mut phase, mut modulation, mut mean, mut valid) = ([0; LANES], [0; LANES], [0; LANES], [false; LANES]);
+        for (padded, samples) in padded.iter_mut().zip(&samples).take(steps) {
+            padded[..rest].copy_from_slice(&samples[whole * LANES..]);
         }
+        // One loop for single blocks and the incomplete one: each copy of a decoder is large.
+        for is_last in [false, true] {
+            let (samples, planes, used) = if is_last {
+                let pixels = if rest > 0 { LANES } else { 0 };
+                let planes = Planes {
+                    phase: &mut phase[..pixels],
+                    modulation: &mut modulation[..pixels],
+                    mean: &mut mean[..pixels],
+                    valid: &mut valid[..pixels],
+                };
+                (padded.each_ref().map(|padded| &padded[..pixels]), planes, (1 << rest) - 1)
+            } else {
+                let singles = in_pairs * LANES..whole * LANES;
+                let samples = samples.map(|samples| samples.get(singles.clone()).unwrap_or_default());
+                (samples, self.planes(singles), u32::MAX)
+            };
+            decode_part::<S, L, D, STEPS, 1>(lanes, decoder, &limits, (&samples, steps), planes, used, &mut counts);
+        }
+        let last = self.planes(whole * LANES..pixels);
+        last.phase.copy_from_slice(&phase[..rest]);
+        last.modulation.copy_from_slice(&modulation[..rest]);
+        last.mean.copy_from_slice(&mean[..rest]);
+        last.valid.copy_from_slice(&valid[..rest]);
         counts
     }
 
-    /// Decodes whole blocks, `COUNT` at a time.
-    #[inline(always)]
-    fn decode_part<L: Lanes, D: BlockDecoder<S>, const STEPS: usize, const COUNT: usize>(
-        &mut self,
-        lanes: L,
-        decoder: &D,
-        samples: &[&[S]; STEPS],
-        blocks: Range<usize>,
-        counts: &mut Counts,
-    ) {
-        let (pixels, times) = (blocks.start * LANES..blocks.end * LANES, blocks.len() / COUNT);
-        let mut chunks = [[].as_slice(); STEPS];
-        for (chunks, samples) in chunks.iter_mut().zip(samples).take(self.plan.steps) {
-            *chunks = &samples[pixels.clone()].as_chunks::<LANES>().0.as_chunks::<COUNT>().0[..times];
+    /// The results of some pixels.
+    fn planes(&mut self, pixels: Range<usize>) -> Planes<'_> {
+        Planes {
+            phase: &mut self.phase[pixels.clone()],
+            modulation: bytemuck::cast_slice_mut(&mut self.modulation[pixels.clone()]),
+            mean: &mut self.mean[pixels.clone()],
+            valid: &mut self.valid[pixels],
         }
-        let phase = self.phase[pixels.clone()].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let modulation: &mut [u16] = bytemuck::cast_slice_mut(&mut self.modulation[pixels.clone()]);
-        let modulation = modulation.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let mean = self.mean[pixels.clone()].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        let valid = self.valid[pixels].as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0;
-        // With equal lengths in plain sight, the compiler drops the bounds checks in the loop.
-        let (phase, modulation, mean, valid) =
-            (&mut phase[..times], &mut modulation[..times], &mut mean[..times], &mut valid[..times]);
-        // A local copy stays in registers: stores through references could change `self.limits`.
-        let limits = *self.limits;
-        for t in 0..times {
-            let decoded = decoder.decode(SideBySide::<L, COUNT>(lanes), |k| chunks[k][t].each_ref());
-            for i in 0..COUNT {
-                let to = (&mut phase[t][i], &mut modulation[t][i], &mut mean[t][i], &mut valid[t][i]);
-                *counts = counts.plus(decoded[i].check_and_store(lanes, &limits, u32::MAX, to));
-            }
+    }
+}
+
+/// Results of pixels.
+struct Planes<'a> {
+    phase: &'a mut [u16],
+    modulation: &'a mut [u16],
+    mean: &'a mut [u8],
+    valid: &'a mut [bool],
+}
+
+/// Decodes whole blocks, `COUNT` at a time. Only the pixels of a block whose bit in `used` is set count.
+#[inline(always)]
+fn decode_part<S: Sample, L: Lanes, D: BlockDecoder<S>, const STEPS: usize, const COUNT: usize>(
+    lanes: L,
+    decoder: &D,
+    limits: &Limits,
+    (samples, steps): (&[&[S]; STEPS], usize),
+    Planes { phase, modulation, mean, valid }: Planes<'_>,
+    used: u32,
+    counts: &mut Counts,
+) {
+    let times = phase.len() / (COUNT * LANES);
+    let mut chunks = [[].as_slice(); STEPS];
+    for (chunks, samples) in chunks.iter_mut().zip(samples).take(steps) {
+        *chunks = &samples.as_chunks::<LANES>().0.as_chunks::<COUNT>().0[..times];
+    }
+    // With equal lengths in plain sight, the compiler drops the bounds checks in the loop.
+    let phase = &mut phase.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0[..times];
+    let modulation = &mut modulation.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0[..times];
+    let mean = &mut mean.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0[..times];
+    let valid = &mut valid.as_chunks_mut::<LANES>().0.as_chunks_mut::<COUNT>().0[..times];
+    for t in 0..times {
+        let decoded = decoder.decode(SideBySide::<L, COUNT>(lanes), |k| chunks[k][t].each_ref());
+        for i in 0..COUNT {
+            let to = (&mut phase[t][i], &mut modulation[t][i], &mut mean[t][i], &mut valid[t][i]);
+            *counts = counts.plus(decoded[i].check_and_store(lanes, limits, used, to));
         }
     }
 }

@@ -34,9 +34,9 @@ impl Signal {
         let changes = fringeflow_simd::run(Level::in_use(), CentreKernel { products, images });
         let scatter: f64 = (0..images).map(|i| changes[i][i]).sum();
         let eigen = Eigen::new(&changes, images)?;
-        let values = &eigen.values[..images];
-        let first = index_of_largest(values, None)?;
-        let second = index_of_largest(values, Some(first))?;
+        let values = eigen.values;
+        let first = index_of_largest(&values, None)?;
+        let second = index_of_largest(&values, Some(first))?;
         // The two largest eigenvalues hold fringes plus noise, the others noise alone.
         let noise = ((scatter - values[first] - values[second]) / freedom as f64).max(0.0);
         let fringes = [first, second].map(|k| (values[k] - noise).max(0.0));

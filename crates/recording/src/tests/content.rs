@@ -64,7 +64,7 @@ fn a_summary_names_topics_rates_marks_and_losses() {
     assert!((frames.rate_hz.unwrap() - 50.0).abs() < 1e-9);
     assert_eq!(summary.marks, [Remark { time_s: 0.05, text: "left side".to_owned() }]);
     assert_eq!(summary.stages[0].dropped, [("overrun", 2), ("unpaired", 7)].into());
-    assert!((summary.duration_s - 0.08).abs() < 1e-9 && summary.missing.lost == Some(0));
+    assert!((summary.duration_s - 0.08).abs() < 1e-9 && summary.lost.lost == Some(0));
 }
 
 #[test]

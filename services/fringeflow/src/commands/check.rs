@@ -40,10 +40,10 @@ impl Args {
         if check.fault_count > 0 {
             return Err(Failure::Mismatch(format!("{file}: {} messages are invalid", check.fault_count)));
         }
-        if check.losses.is_empty() {
+        if !check.losses.is_loss() {
             return Ok(());
         }
-        Err(Failure::Losses(format!("{file}: the file is whole, but the recording lacks: {}", check.losses)))
+        Err(Failure::Losses(format!("{file}: the file is whole, but {}", check.losses)))
     }
 
     fn print(&self, check: &Check) -> Result<(), Failure> {
@@ -60,7 +60,7 @@ impl Args {
         let [repeated1, repeated2] = check.repeated_images;
         writeln!(
             out,
-            "repeated images: {repeated1} of camera 1, {repeated2} of camera 2\nclouds: {}\nlost: {}",
+            "repeated images: {repeated1} of camera 1, {repeated2} of camera 2\nclouds: {}\nlosses: {}",
             check.clouds, check.losses
         )?;
         Ok(())

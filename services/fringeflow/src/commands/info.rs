@@ -103,5 +103,5 @@ fn print(out: &mut impl std::io::Write, Report { summary: s, virtual_images, hea
     if !health.is_empty() {
         writeln!(out, "{health}")?;
     }
-    writeln!(out, "lost: {}", s.missing)
+    writeln!(out, "losses: {}", s.lost)
 }

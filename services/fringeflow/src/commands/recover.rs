@@ -40,10 +40,10 @@ impl Args {
                 "{file}: the recording has no {missing}, so no cloud can be computed from it"
             )));
         }
-        if !recovered.has_losses() {
-            return Ok(());
+        match recovered.loss() {
+            None => Ok(()),
+            Some(loss) => Err(Failure::Losses(format!("{file}: the file is whole, but {loss}"))),
         }
-        Err(Failure::Losses(format!("{file}: the file is whole, but the recording lacks: {}", recovered.lacks())))
     }
 
     fn print(&self, recovered: &Recovered) -> Result<(), Failure> {
@@ -62,7 +62,7 @@ impl Args {
             writeln!(out, "left out: {} messages that are invalid or incomplete", recovered.left_out)?;
         }
         if let Some(losses) = &recovered.losses {
-            writeln!(out, "lost: {losses}")?;
+            writeln!(out, "losses: {losses}")?;
         }
         Ok(())
     }

@@ -124,7 +124,7 @@ fn a_damaged_recording_is_refused_with_the_position_of_the_damage() {
 #[track_caller]
 fn lost_line(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    let mut lines = text.lines().filter(|line| line.starts_with("lost: "));
+    let mut lines = text.lines().filter(|line| line.starts_with("losses: "));
     let line = lines.next().unwrap_or_else(|| panic!("no line says what was lost: {text}")).to_owned();
     assert_eq!(lines.next(), None, "{text}");
     line
@@ -135,9 +135,9 @@ fn info_check_and_recover_say_the_same_about_losses() {
     let folder = tempfile::tempdir().unwrap();
     let recording = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings/cycle.mcap");
     let saved = folder.path().join("whole.mcap");
-    assert_eq!(lost_line(&run_ok(&[&"recover", &recording, &"-o", &saved])), "lost: nothing");
-    assert_eq!(lost_line(&run_ok(&[&"info", &saved])), "lost: nothing");
-    assert_eq!(lost_line(&run_ok(&[&"check", &saved])), "lost: nothing");
+    assert_eq!(lost_line(&run_ok(&[&"recover", &recording, &"-o", &saved])), "losses: nothing was lost");
+    assert_eq!(lost_line(&run_ok(&[&"info", &saved])), "losses: nothing was lost");
+    assert_eq!(lost_line(&run_ok(&[&"check", &saved])), "losses: nothing was lost");
 
     // A damaged chunk, and a file without its end.
     let bytes = std::fs::read(&recording).unwrap();
@@ -145,17 +145,17 @@ fn info_check_and_recover_say_the_same_about_losses() {
     let mut altered = bytes.clone();
     altered[middle] ^= 1;
     for (name, bytes, says) in
-        [("altered", &altered[..], "of the recorder, "), ("cut", &bytes[..middle], "unknown how many")]
+        [("altered", &altered[..], "missing in recordings"), ("cut", &bytes[..middle], "unknown how many")]
     {
         let [damaged, saved] = [".part", ".mcap"].map(|end| folder.path().join(format!("{name}{end}")));
         std::fs::write(&damaged, bytes).unwrap();
         let recovered = fringeflow(&[&"recover", &damaged, &"-o", &saved]);
         let lost = lost_line(&recovered);
-        let sentence = lost.replace("lost: ", "the recording lacks: ");
+        let sentence = lost.strip_prefix("losses: ").unwrap();
         assert!(lost.contains(says), "{lost}");
-        assert_exit(&recovered, 3, &[&sentence]);
+        assert_exit(&recovered, 3, &[sentence]);
         let checked = fringeflow(&[&"check", &saved]);
-        assert_exit(&checked, 3, &[&sentence]);
+        assert_exit(&checked, 3, &[sentence]);
         assert_eq!([lost_line(&checked), lost_line(&run_ok(&[&"info", &saved]))], [lost.clone(), lost]);
     }
 }

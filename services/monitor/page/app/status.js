@@ -5,6 +5,7 @@ import { fileName, plural, timeOfDay } from "./format.js";
 
 export function showInstance(hello) {
     setText(byId("instance"), hello.instance ?? "");
+    byId("virtual-images").hidden = !hello.virtual_images;
     document.title = `${hello.instance ?? "Scanner"} – Fringeflow`;
     setText(byId("about-version"), hello.version ? `Fringeflow ${hello.version}` : "Fringeflow");
     setText(byId("about-images"), describeImages(hello));
