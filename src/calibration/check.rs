@@ -12,6 +12,8 @@ use super::{CalibrationProblem, Mistake, Unit, other_origin};
 const ROTATION_TOLERANCE: f64 = 1e-5;
 /// Largest plausible ratio of the two focal lengths of a camera or projector.
 const MAX_FOCAL_RATIO: f64 = 4.0;
+/// Smallest plausible focal length, a share of the extent of the image: a field of view of 127°.
+const MIN_FOCAL_SHARE: f64 = 0.25;
 /// Largest plausible tangential coefficient: twenty times that of a camera lens. At the edge of an image as wide as its
 /// focal length it displaces points by 4 % of the width.
 const MAX_TANGENTIAL: f64 = 0.05;
@@ -66,6 +68,15 @@ fn check_camera_matrix(field: &'static str, k: &[f64], size: [usize; 2]) -> Resu
     }
     if fx / fy > MAX_FOCAL_RATIO || fy / fx > MAX_FOCAL_RATIO {
         return fail(format!("focal lengths {fx} and {fy} px differ by more than a factor of {MAX_FOCAL_RATIO}"));
+    }
+    for (axis, focal, extent) in [("fx", fx, size[0] as f64), ("fy", fy, size[1] as f64)] {
+        if focal < MIN_FOCAL_SHARE * extent {
+            let view_deg = 2.0 * (0.5 * extent / focal).atan().to_degrees();
+            return fail(format!(
+                "{axis} is {focal} px; for an image of {extent} px that is a field of view of {view_deg:.0}°; if it is in \
+                 millimetres, divide it by the pixel pitch in millimetres"
+            ));
+        }
     }
     if k[2] == 0.0 && k[5] == 0.0 && k[6] != 0.0 && k[7] != 0.0 {
         return fail("cx and cy stand in the last row: it is transposed, as MATLAB stores it; transpose it".to_owned());

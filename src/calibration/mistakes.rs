@@ -1,13 +1,13 @@
-//! Ways in which poses and lengths of a calibration are often given wrongly, and what speaks for them.
+//! Ways in which a calibration is often given wrongly, and what speaks for them.
 //!
 //! In: a rig as its file gives it, and the measurement volume. Out: the mistake without which cameras and projector
 //! would see the volume that they do not see now. Cost: some thousand projections, once per rig.
 
 use std::fmt;
 
-use crate::geometry::{MeasurementVolume, Point3, Pose, Rig};
+use crate::geometry::{Camera, MeasurementVolume, Point3, Pose, Rig};
 
-/// A mistake in the poses or lengths of a calibration.
+/// A mistake in a calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mistake {
     /// R2 and T2 lead from camera 2 to camera 1.
@@ -24,6 +24,8 @@ pub enum Mistake {
     ProjectorUnit(f64),
     /// T2 and Tp are in another unit than the volume. The correct ones are this many times as long.
     AllLengths(f64),
+    /// K1 and K2 are those of images of another resolution. The correct values are this many times as large.
+    Resolution(f64),
 }
 
 /// A mistake, and how much of the measurement volume speaks for it.
@@ -58,15 +60,16 @@ impl Mistake {
             Self::ProjectorFromCam2,
         ];
         let units = [Self::ProjectorUnit(1000.0), Self::ProjectorUnit(1e-3)];
+        let resolutions = [Self::Resolution(2.0), Self::Resolution(0.5)];
         let scale = volume.and_then(|volume| missing_scale(rig, volume)).map(Self::AllLengths);
-        poses.into_iter().chain(units).chain(scale).collect()
+        poses.into_iter().chain(units).chain(resolutions).chain(scale).collect()
     }
 
     /// The rig without this mistake.
     #[must_use]
     pub fn corrected(self, rig: &Rig) -> Rig {
         let mut corrected = *rig;
-        let Rig { cam2_from_cam1: cam2, projector_from_cam1: projector, .. } = &mut corrected;
+        let Rig { cam1: view1, cam2: view2, cam2_from_cam1: cam2, projector_from_cam1: projector, .. } = &mut corrected;
         match self {
             Self::Cam2Inverted => *cam2 = cam2.inverse(),
             Self::ProjectorInverted => *projector = projector.inverse(),
@@ -75,6 +78,7 @@ impl Mistake {
             Self::ProjectorFromCam2 => *projector *= *cam2,
             Self::ProjectorUnit(factor) => scale(projector, factor),
             Self::AllLengths(factor) => [cam2, projector].into_iter().for_each(|pose| scale(pose, factor)),
+            Self::Resolution(factor) => [view1, view2].into_iter().for_each(|view| *view = resampled(view, factor)),
         }
         corrected
     }
@@ -82,6 +86,16 @@ impl Mistake {
 
 fn scale(pose: &mut Pose, factor: f64) {
     pose.translation.vector *= factor;
+}
+
+/// The camera whose pixels are this many times as many in each direction, as if its image were as large as before.
+fn resampled(camera: &Camera, factor: f64) -> Camera {
+    let ([fx, fy], [cx, cy]) = (camera.focal_px(), camera.principal_px());
+    // Pixel 0 reaches from −0.5 to 0.5.
+    let principal_px = [cx, cy].map(|c| (c + 0.5) * factor - 0.5);
+    let size_px = [camera.width_px(), camera.height_px()];
+    Camera::new([fx * factor, fy * factor], principal_px, *camera.distortion(), size_px)
+        .with_skew(camera.skew_px() * factor)
 }
 
 impl fmt::Display for Mistake {
@@ -103,6 +117,11 @@ impl fmt::Display for Mistake {
                 f,
                 "T2 and Tp seem to be in another unit than the measurement volume, such as squares of the calibration \
                  board; they must be {factor:.3} times as long"
+            ),
+            Self::Resolution(factor) => write!(
+                f,
+                "K1 and K2 seem to be those of images of another resolution; fx, fy, cx and cy must be {factor} times as \
+                 large"
             ),
         }
     }

@@ -185,6 +185,7 @@ fn a_mistake_is_named_if_it_explains_why_the_volume_is_not_seen() {
     for mistake in Mistake::all(&rig(), None) {
         let inverse = match mistake {
             Mistake::ProjectorUnit(factor) => Mistake::ProjectorUnit(1.0 / factor),
+            Mistake::Resolution(factor) => Mistake::Resolution(1.0 / factor),
             mistake => mistake,
         };
         if mistake != Mistake::ProjectorFromCam2 {
@@ -192,6 +193,7 @@ fn a_mistake_is_named_if_it_explains_why_the_volume_is_not_seen() {
             let difference = |a: &Pose, b: &Pose| (a.to_homogeneous() - b.to_homogeneous()).amax();
             assert!(difference(&restored.cam2_from_cam1, &rig().cam2_from_cam1) < 1e-12, "{mistake:?}");
             assert!(difference(&restored.projector_from_cam1, &rig().projector_from_cam1) < 1e-12, "{mistake:?}");
+            assert_eq!(restored.cam1.focal_px(), rig().cam1.focal_px(), "{mistake:?}");
         }
     }
 }

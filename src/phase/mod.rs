@@ -27,4 +27,4 @@ pub use motion::{
     decode_moving_into, usual_extra_images,
 };
 pub use sequence::{SequenceCheck, SequenceFault, SequenceFaultKind, SequenceScratch};
-pub use shifts::{PhaseShifts, ShiftError, look_like_degrees};
+pub use shifts::{MistakenUnit, PhaseShifts, ShiftError};

@@ -74,11 +74,42 @@ pub enum ShiftError {
     },
 }
 
-/// Whether phase shifts that should be in radians are in degrees: all of them are multiples of half a degree, and some
-/// are more than a turn in radians. Radians of a cycle are fractions of 2π and never are.
-#[must_use]
-pub fn look_like_degrees(shifts_rad: &[f64]) -> bool {
-    shifts_rad.iter().all(|shift| (2.0 * shift).fract() == 0.0) && shifts_rad.iter().any(|shift| shift.abs() > TAU)
+/// A unit in which phase shifts are given in the place of radians.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MistakenUnit {
+    /// All are multiples of half a degree, and some are more than a turn in radians. Radians of a cycle are fractions of
+    /// 2π and never are.
+    Degrees,
+    /// They divide one evenly.
+    Turns,
+}
+
+impl MistakenUnit {
+    /// The unit of phase shifts that should be in radians, if it seems to be another one.
+    #[must_use]
+    pub fn of_shifts(shifts_rad: &[f64]) -> Option<Self> {
+        let mut in_order = shifts_rad.to_vec();
+        in_order.sort_by(f64::total_cmp);
+        in_order.dedup();
+        let distinct = in_order.len() as f64;
+        let divides_one = |(k, shift): (usize, &f64)| (shift - in_order[0] - k as f64 / distinct).abs() < 1e-3;
+        if shifts_rad.iter().all(|shift| (2.0 * shift).fract() == 0.0) && shifts_rad.iter().any(|s| s.abs() > TAU) {
+            Some(Self::Degrees)
+        } else if in_order.len() >= MIN_STEPS && in_order.iter().enumerate().all(divides_one) {
+            Some(Self::Turns)
+        } else {
+            None
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::Degrees => "these look like degrees; write radians: degrees · π / 180",
+            Self::Turns => "these look like turns; write radians: turns · 2π",
+        }
+    }
 }
 
 impl PhaseShifts {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fringeflow::calibration::{CalibrationError, Unit, calibration_text, parse_calibration, read_calibration_text};
 use fringeflow::geometry::{BINNINGS, FringePattern, MeasurementVolume, Readout, ReadoutError, Rig};
-use fringeflow::phase::look_like_degrees;
+use fringeflow::phase::MistakenUnit;
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::{MAX_STEPS, MIN_STEPS};
 use fringeflow_base::text_file::read_text;
@@ -416,11 +416,11 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
             expected: "it must contain one finite number per step",
         });
     }
-    if look_like_degrees(&shifts_rad) {
+    if let Some(unit) = MistakenUnit::of_shifts(&shifts_rad) {
         return Err(ConfigurationProblem::Value {
             key: "pattern.phase_shift_rad",
             value: format!("{shifts_rad:?}"),
-            expected: "these look like degrees; write radians: degrees · π / 180",
+            expected: unit.remedy(),
         });
     }
     Ok(FringeSequence { pattern, shifts_rad, gray: None })

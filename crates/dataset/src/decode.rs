@@ -10,6 +10,7 @@ use image::codecs::bmp::BmpDecoder;
 use image::codecs::pnm::PnmDecoder;
 use image::codecs::tiff::TiffDecoder;
 use image::{ColorType, DynamicImage, ImageDecoder};
+use tiff::tags::Tag;
 
 use super::Problem;
 
@@ -49,7 +50,7 @@ impl ImageFile {
                 decoder.set_transformations(png::Transformations::EXPAND);
                 Self::Png(Box::new(decoder.read_info().map_err(|e| damage(&e))?))
             }
-            b"II*\0" | b"MM\0*" => Self::Tiff(Box::new(TiffDecoder::new(file).map_err(|e| damage(&e))?)),
+            b"II*\0" | b"MM\0*" => open_tiff(file)?,
             [b'B', b'M', ..] => Self::Bmp(Box::new(BmpDecoder::new(file).map_err(|e| damage(&e))?)),
             [b'P', b'1'..=b'7', ..] => open_pnm(file)?,
             [0xff, 0xd8, ..] => return Err(Problem::Jpeg),
@@ -84,7 +85,7 @@ impl ImageFile {
                 most => {
                     let format = PixelFormat::ALL.into_iter().find(|format| u32::from(format.max_value()) == most);
                     format.ok_or_else(|| {
-                        Problem::Image(format!(
+                        Problem::UnusableImage(format!(
                             "its largest value is {most}, which is not that of 8, 10, 12, 14 or 16 bits"
                         ))
                     })
@@ -110,6 +111,28 @@ impl ImageFile {
         };
         Ok(Decoded { size_px, format, channels, samples })
     }
+}
+
+/// Reads the header of a TIFF file. Its values must be whole numbers, stored without loss.
+fn open_tiff(mut file: Reader) -> Result<ImageFile, Problem> {
+    const WHOLE_NUMBERS: u16 = 1;
+    const JPEG: [u16; 2] = [6, 7];
+    let mut tags = tiff::decoder::Decoder::new(&mut file).map_err(|e| damage(&e))?;
+    let mut number = |tag| tags.find_tag_unsigned_vec::<u16>(tag).map_err(|e| damage(&e));
+    if number(Tag::Compression)?.is_some_and(|kinds| kinds.iter().any(|kind| JPEG.contains(kind))) {
+        return Err(Problem::UnusableImage(
+            "it is compressed as JPEG, which changes grey levels and with them the phase; save it with LZW, Deflate or no \
+             compression"
+                .to_owned(),
+        ));
+    }
+    if number(Tag::SampleFormat)?.is_some_and(|formats| formats.iter().any(|&format| format != WHOLE_NUMBERS)) {
+        return Err(Problem::UnusableImage(
+            "its values are signed or floating-point numbers; save whole numbers of 8 or 16 bits".to_owned(),
+        ));
+    }
+    file.rewind().map_err(Problem::Unreadable)?;
+    Ok(ImageFile::Tiff(Box::new(TiffDecoder::new(file).map_err(|e| damage(&e))?)))
 }
 
 /// Reads the header of a PGM file. The decoder gives it away only with the file, so the file is read from its start again.
@@ -139,7 +162,7 @@ fn stored_format(colour: ColorType) -> Result<PixelFormat, Problem> {
     match colour.bytes_per_pixel() / colour.channel_count() {
         1 => Ok(PixelFormat::Grey),
         2 => Ok(PixelFormat::Y16),
-        _ => Err(Problem::Image("its values are floating-point numbers; save it with 8 or 16 bits".to_owned())),
+        _ => Err(Problem::UnusableImage("its values are no whole numbers of 8 or 16 bits".to_owned())),
     }
 }
 
@@ -180,6 +203,35 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_tiff_file_holds_whole_numbers_without_loss() {
+        use tiff::encoder::{TiffEncoder, colortype};
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.tiff");
+        let write = |bytes: &[u8]| std::fs::write(&path, bytes).unwrap();
+        let refusal = || match ImageFile::open(&path) {
+            Err(Problem::UnusableImage(what)) => what,
+            other => panic!("{:?}", other.map(|file| file.size_px())),
+        };
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        TiffEncoder::new(&mut bytes).unwrap().write_image::<colortype::Gray32Float>(2, 1, &[0.5, 1.0]).unwrap();
+        write(bytes.get_ref());
+        assert!(refusal().contains("floating-point"), "{}", refusal());
+
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        TiffEncoder::new(&mut bytes).unwrap().write_image::<colortype::Gray8>(2, 1, &[7, 9]).unwrap();
+        let mut bytes = bytes.into_inner();
+        write(&bytes);
+        assert_eq!(ImageFile::open(&path).unwrap().decode().unwrap().samples, [7, 9]);
+        // The tag of the compression, one short number: none (1) becomes JPEG (7).
+        let tag = [3, 1, 3, 0, 1, 0, 0, 0, 1, 0];
+        let place = bytes.windows(tag.len()).position(|window| window == tag).unwrap();
+        bytes[place + 8] = 7;
+        write(&bytes);
+        assert!(refusal().contains("JPEG"), "{}", refusal());
+    }
+
+    #[test]
     fn a_pgm_file_states_its_depth_and_keeps_its_values() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("image.pgm");
@@ -199,7 +251,7 @@ mod tests {
             let Decoded { size_px, format: stored, channels, samples } = open(most, &values).decode().unwrap();
             assert_eq!((size_px, stored, channels, samples), ([4, 1], format, 1, values.to_vec()));
         }
-        assert!(matches!(open(1000, &[0]).format(), Err(Problem::Image(_))));
+        assert!(matches!(open(1000, &[0]).format(), Err(Problem::UnusableImage(_))));
         std::fs::write(&path, b"P5\n9 9\n255\nshort").unwrap();
         assert!(ImageFile::open(&path).unwrap().decode().is_err());
     }

@@ -133,6 +133,9 @@ pub enum Problem {
         /// The other file.
         other: PathBuf,
     },
+    /// An image whose values cannot be used as they are stored.
+    #[error("cannot be used: {0}")]
+    UnusableImage(String),
     /// An image compressed as JPEG.
     #[error(
         "is a JPEG image, whose compression changes grey levels and with them the phase: save images as PNG or TIFF; if \

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use fringeflow::calibration::Unit;
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose, Readout};
-use fringeflow::phase::{GrayCode, look_like_degrees};
+use fringeflow::phase::{GrayCode, MistakenUnit};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_base::limits::MIN_STEPS;
 use fringeflow_base::text_file::read_text;
@@ -232,9 +232,8 @@ fn checked_sequence(raw: RawSequence) -> Result<FringeSequence, Problem> {
             format!("value {i} is {shift}; every shift must be a finite number"),
         ));
     }
-    if look_like_degrees(&raw.phase_shift_rad) {
-        let what = format!("{:?} look like degrees; write radians: degrees · π / 180", raw.phase_shift_rad);
-        return Err(field_problem("phase_shift_rad", what));
+    if let Some(unit) = MistakenUnit::of_shifts(&raw.phase_shift_rad) {
+        return Err(field_problem("phase_shift_rad", format!("{:?}: {}", raw.phase_shift_rad, unit.remedy())));
     }
     if !(raw.period_px.is_finite() && raw.period_px >= 2.0) {
         return Err(field_problem(

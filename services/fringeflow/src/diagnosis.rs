@@ -73,6 +73,9 @@ pub(crate) fn likely_cause(
         return None;
     }
     let with_phase = maps[0].fit.valid_pixels;
+    if with_phase > 0 && maps[0].phase == maps[1].phase {
+        return Some("the images of both cameras are the same; each camera needs its own".to_owned());
+    }
     let tried =
         causes(described).into_iter().filter_map(|cause| Some((points_without(cause, described, maps)?, cause)));
     let (points, cause) = tried.max_by_key(|(points, _)| *points)?;

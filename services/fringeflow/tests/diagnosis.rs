@@ -42,6 +42,12 @@ const CASES: &[Case] = &[
     ("R2, T2 inverted", |set, rig| write(set, rig, Mistake::Cam2Inverted), "R2 and T2 seem to be inverted"),
     ("Rp, Tp inverted", |set, rig| write(set, rig, Mistake::ProjectorInverted), "Rp and Tp seem to be inverted"),
     (
+        "calibrated at half the resolution",
+        |set, rig| write(set, rig, Mistake::Resolution(0.5)),
+        "K1 and K2 seem to be those of images of another resolution; fx, fy, cx and cy must be 2 times",
+    ),
+    ("camera 1 twice", write_camera_1_twice, "the images of both cameras are the same"),
+    (
         "projector from camera 2",
         |set, rig| write_projector_from_camera_2(set, rig),
         "Rp and Tp seem to start from camera 2",
@@ -132,7 +138,12 @@ fn write_12_bits(set: &Path, _: &Rig) {
     });
 }
 
-/// Writes the calibration with a mistake. The mistakes used here undo themselves.
+fn write_camera_1_twice(set: &Path, _: &Rig) {
+    let of_camera_1 = images(set, CAMERAS[0]);
+    rewrite(set, &CAMERAS[1..], |_| of_camera_1.clone());
+}
+
+/// Writes the calibration with a mistake, by what would undo its opposite.
 fn write(set: &Path, rig: &Rig, mistake: Mistake) {
     write_calibration(&set.join(CALIBRATION_FILE), &mistake.corrected(rig), Unit::Millimetre).unwrap();
 }

@@ -45,7 +45,13 @@ pub(crate) const FAULTS: &[Fault] = &[
         "shifts in degrees",
         |f| edit_meta(f, "/phase_shift_rad", json!([0, 90, 180, 270])),
         META,
-        "field phase_shift_rad: [0.0, 90.0, 180.0, 270.0] look like degrees",
+        "field phase_shift_rad: [0.0, 90.0, 180.0, 270.0]: these look like degrees",
+    ),
+    fault(
+        "shifts in turns",
+        |f| edit_meta(f, "/phase_shift_rad", json!([0.0, 0.25, 0.5, 0.75])),
+        META,
+        "field phase_shift_rad: [0.0, 0.25, 0.5, 0.75]: these look like turns",
     ),
     fault("JPEG images", |f| rename_images(f, "jpg"), "cam1/phase_00.jpg", "is a JPEG image"),
     fault(
@@ -56,6 +62,12 @@ pub(crate) const FAULTS: &[Fault] = &[
     ),
     fault("lengths in squares of a board", scale_lengths, "/set", "another unit than the measurement volume"),
     fault("the projector in another unit", |f| edit_calibration(f, "Tp", "-0.04, 0.0, 0.01"), CALIBRATION, "field Tp"),
+    fault(
+        "a focal length in millimetres",
+        |f| edit_calibration(f, "K1", "8, 0, 31.5, 0, 8, 31.5, 0, 0, 1"),
+        CALIBRATION,
+        "field K1: fx is 8 px",
+    ),
     fault(
         "cameras of two sizes",
         shrink_camera_2,

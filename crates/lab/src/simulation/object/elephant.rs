@@ -26,17 +26,28 @@ const LEGS: [[f64; 6]; 4] = [
     [23.0, -4.0, 7.0, 27.5, -25.5, 6.5],
 ];
 
-/// Greatest y of the legs, and smallest x of the tail.
+/// Greatest y of the legs, smallest x of the tail, greatest x of trunk and tusk.
 const LEGS_TOP: f64 = 2.0;
 const TAIL_BEGIN: f64 = 31.5;
-/// Fillets between the legs and the body, and between the tail and the body.
+const TRUNK_END: f64 = -19.5;
+/// Fillets between these parts and the rest.
 const LEG_FILLET: f64 = 2.0;
 const TAIL_FILLET: f64 = 1.5;
+const TRUNK_FILLET: f64 = 1.5;
 /// Least slope of the field of a bar.
 const BAR_SLOPE: f64 = 0.95;
 
 /// Fillet between head and body. It does not affect the body farther than this from the head.
 const NECK_FILLET: f64 = 3.0;
+
+/// Fillet between ear and body.
+const EAR_FILLET: f64 = 0.8;
+
+/// Returns a lower bound of the distance to the ear, from a ball around it. Outside the ball, the field of the ear is
+/// above the fillet, but far below the distance.
+fn ear_lower_bound(p: &PointMm) -> f64 {
+    sphere(p, PointMm::new(-11.0, 11.0, 18.8), 14.1)
+}
 
 /// Returns a lower bound of the distance field of the head, from a ball around head, trunk and tusk. Fields of
 /// ellipsoids rise by at least four fifths of the distance, and fillets subtract at most 2 mm.
@@ -61,9 +72,14 @@ impl Elephant {
     fn head(&self, p: &PointMm) -> f64 {
         let skull = ellipsoid(p, PointMm::new(-20.0, 13.5, 11.0), PointMm::new(10.5, 11.5, 9.5));
         let cheek = smooth_union(skull, sphere(p, PointMm::new(-24.0, 7.0, 11.0), 7.0), 3.0);
-        let head = self.trunk.iter().fold(cheek, |head, bar| smooth_union(head, bar.distance(p), 1.5));
-        let eye = sphere(p, PointMm::new(-25.5, 13.5, 18.6), 1.3);
-        smooth_union(smooth_union(head, self.tusk.distance(p), 0.6), eye, 0.3)
+        let bars_are_near = BAR_SLOPE * (p.x - TRUNK_END) < cheek + TRUNK_FILLET;
+        let head = if bars_are_near {
+            let head = self.trunk.iter().fold(cheek, |head, bar| smooth_union(head, bar.distance(p), TRUNK_FILLET));
+            smooth_union(head, self.tusk.distance(p), 0.6)
+        } else {
+            cheek
+        };
+        smooth_union(head, sphere(p, PointMm::new(-25.5, 13.5, 18.6), 1.3), 0.3)
     }
 }
 
@@ -81,11 +97,12 @@ impl Solid for Elephant {
         } else {
             body
         };
-        let ear = smooth_union(ear(point), body, 0.8);
-        let whole = if BAR_SLOPE * (TAIL_BEGIN - point.x) < ear + TAIL_FILLET {
-            smooth_union(ear, self.tail.distance(point), TAIL_FILLET)
+        let body =
+            if ear_lower_bound(point) < body + EAR_FILLET { smooth_union(ear(point), body, EAR_FILLET) } else { body };
+        let whole = if BAR_SLOPE * (TAIL_BEGIN - point.x) < body + TAIL_FILLET {
+            smooth_union(body, self.tail.distance(point), TAIL_FILLET)
         } else {
-            ear
+            body
         };
         whole.max(-point.z)
     }
@@ -122,6 +139,12 @@ mod tests {
             let [above, before] = [point.y - LEGS_TOP, TAIL_BEGIN - point.x].map(|away| BAR_SLOPE * away);
             assert!(elephant.legs.iter().all(|leg| above <= 0.0 || leg.distance(&point) >= above), "{point}");
             assert!(before <= 0.0 || elephant.tail.distance(&point) >= before, "{point}");
+            let behind = BAR_SLOPE * (point.x - TRUNK_END);
+            let mut bars = elephant.trunk.iter().chain([&elephant.tusk]);
+            assert!(behind <= 0.0 || bars.all(|bar| bar.distance(&point) >= behind), "{point}");
+            // Near the body, where fillets begin, the field of the ear is above them.
+            let bound = ear_lower_bound(&point);
+            assert!(bound < EAR_FILLET || ear(&point) > EAR_FILLET, "{point}");
         }
     }
 }

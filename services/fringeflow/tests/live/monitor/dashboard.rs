@@ -2,6 +2,18 @@
 
 use super::prometheus::{monitoring_file, python, run_script};
 use super::*;
+use crate::tracking::TRACKED_BODY;
+
+#[test]
+fn the_page_of_a_tracked_scan_begins_with_the_model() {
+    let bench = monitor_bench_with_changes(&TRACKED_BODY, "");
+    let watched = Watched::start(&bench, &[]);
+    watched.live.wait_for_clouds(1);
+    let mut browser = python();
+    browser.arg(monitoring_file("dashboard.py")).arg(format!("http://{}/", watched.address)).arg("--tracked");
+    eprintln!("{}", run_script(&mut browser));
+    watched.live.quit().assert_balanced();
+}
 
 #[test]
 fn every_panel_is_live_and_every_button_works_in_a_browser() {
