@@ -4,6 +4,8 @@ use serde::Serialize;
 
 use fringeflow_message::{Counts, DropMeaning, DropReason, Stage};
 
+use crate::losses::Injected;
+
 /// Items that a stage dropped for one reason, or incidents of one kind in a stage.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DropLine {
@@ -63,15 +65,17 @@ impl DropLine {
     /// group the most frequent first.
     #[must_use]
     pub fn from_counts(counts: &[(Stage, Counts)]) -> Vec<Self> {
+        let injected = Injected::from_counts(counts);
         let mut lines: Vec<Self> =
-            counts.iter().flat_map(|(stage, counts)| Self::lines_of_stage(stage.name(), counts)).collect();
+            counts.iter().flat_map(|(stage, counts)| Self::lines_of_stage(stage.name(), counts, injected)).collect();
         lines.sort_by(|a, b| a.kind.cmp(&b.kind).then(b.count.cmp(&a.count)));
         lines
     }
 
-    fn lines_of_stage(stage: &'static str, counts: &Counts) -> impl Iterator<Item = Self> {
+    fn lines_of_stage(stage: &'static str, counts: &Counts, injected: Injected) -> impl Iterator<Item = Self> {
         let dropped = counts.reasons().map(move |(reason, count)| Self {
-            kind: DropKind::of(reason),
+            // What is missing beside an image left out on purpose is counted there.
+            kind: if injected.explains(reason, count) { DropKind::Unmeasurable } else { DropKind::of(reason) },
             stage,
             reason: reason.name(),
             meaning: reason.meaning(),

@@ -26,6 +26,32 @@ pub struct Losses {
     pub clouds: u64,
 }
 
+/// What the virtual scanner left out on purpose.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Injected {
+    images: u64,
+    events: u64,
+}
+
+impl Injected {
+    pub(crate) fn from_counts(counts: &[(Stage, Counts)]) -> Self {
+        let of = |stages: &[Stage]| {
+            let of_stages = counts.iter().filter(|(stage, _)| stages.contains(stage));
+            of_stages.map(|(_, counts)| counts.dropped(DropReason::Injected)).sum()
+        };
+        Self { images: of(&[Stage::Camera1, Stage::Camera2]), events: of(&[Stage::Projector]) }
+    }
+
+    /// Whether a count of a reason is no more than its consequence.
+    pub(crate) fn explains(self, reason: DropReason, count: u64) -> bool {
+        match reason {
+            DropReason::Unpaired => count <= self.images,
+            DropReason::NoPattern => count.div_ceil(2) <= self.events,
+            _ => false,
+        }
+    }
+}
+
 /// Losses in pairing and pattern matching that are consequences of other losses.
 const CONSEQUENTIAL: [DropReason; 4] =
     [DropReason::Unpaired, DropReason::NoPattern, DropReason::PatternConflict, DropReason::NewSession];
@@ -44,29 +70,41 @@ impl Losses {
         let (pairing, windowing) = (counts_of(Stage::Pairing), counts_of(Stage::Windowing));
         let cameras = [Stage::Camera1, Stage::Camera2].map(lost_in);
         let in_pairing = originally_lost_in(Stage::Pairing);
-        let unpaired = pairing.dropped(DropReason::Unpaired);
+        let injected = Injected::from_counts(counts);
+        let unpaired = pairing.dropped(DropReason::Unpaired).saturating_sub(injected.images);
         let reported = cameras.iter().sum::<u64>() + in_pairing;
         // The count has both images of each pair.
-        let pairs_without_pattern = pairing.dropped(DropReason::NoPattern).div_ceil(2);
+        let pairs_without_pattern = pairing.dropped(DropReason::NoPattern).div_ceil(2).saturating_sub(injected.events);
         let refused_windows = counts_of(Stage::Phase).dropped_for_images();
         let later = [Stage::Phase, Stage::Correspondence, Stage::Cloud].map(lost_in).iter().sum::<u64>();
         let missing_pairs = unpaired.max(cameras[0]).max(cameras[1]).max(in_pairing.div_ceil(2));
         let conflicts = pairing.dropped(DropReason::PatternConflict).div_ceil(2);
-        let broken = windowing.dropped(DropReason::Incomplete) + windowing.losses().map(|(_, n)| n).sum::<u64>();
-        let no_window = missing_pairs + pairs_without_pattern + conflicts + broken;
+        let missing = missing_pairs + pairs_without_pattern + conflicts;
+        // What was left out on purpose broke its share of the windows.
+        let incomplete = windowing.dropped(DropReason::Incomplete);
+        let broken = match injected.images + injected.events {
+            0 => incomplete,
+            on_purpose => part(incomplete, missing, missing + on_purpose),
+        };
+        let no_window = missing + broken + windowing.losses().map(|(_, n)| n).sum::<u64>();
         // With a stride, only some of the pairs complete a wanted window.
         let (wanted, unwanted) = (windowing.passed, windowing.dropped(DropReason::BetweenWindows));
         // Round up: any loss costs at least one cloud.
-        let windows =
-            (u128::from(no_window) * u128::from(wanted.max(1))).div_ceil(u128::from((wanted + unwanted).max(1)));
+        let windows = part(no_window, wanted.max(1), (wanted + unwanted).max(1));
         Self {
             images: reported.max(unpaired),
             events: (lost_in(Stage::Projector) + originally_lost_in(Stage::Pattern)).max(pairs_without_pattern),
             refused_windows,
             messages: lost_in(Stage::Recorder),
-            clouds: u64::try_from(windows).unwrap_or(u64::MAX).saturating_add(later),
+            clouds: windows.saturating_add(later),
         }
     }
+}
+
+/// `count · of / all`, rounded up.
+fn part(count: u64, of: u64, all: u64) -> u64 {
+    let part = (u128::from(count) * u128::from(of)).div_ceil(u128::from(all));
+    u64::try_from(part).unwrap_or(u64::MAX)
 }
 
 impl fmt::Display for Losses {
@@ -122,6 +160,23 @@ mod tests {
         let losses = Losses::from_counts(&lost);
         assert_eq!((losses.images, losses.clouds), (10, 60));
         assert_eq!(losses.to_string(), "10 images were lost; 60 clouds are missing because of this");
+    }
+
+    #[test]
+    fn what_was_left_out_on_purpose_is_no_loss() {
+        let on_purpose = |camera_lost| {
+            [
+                (Stage::Camera1, counts(592, &[(DropReason::Injected, 8), (DropReason::CameraLost, camera_lost)])),
+                (Stage::Camera2, counts(594, &[(DropReason::Injected, 6)])),
+                (Stage::Pattern, counts(586, &[(DropReason::Unpaired, 14 + camera_lost)])),
+                (Stage::Pairing, counts(1172, &[(DropReason::Unpaired, 14 + camera_lost)])),
+                (Stage::Windowing, counts(535, &[(DropReason::Incomplete, 48)])),
+            ]
+        };
+        assert_eq!(Losses::from_counts(&on_purpose(0)), Losses::default());
+        // Two of sixteen images: an eighth of the broken windows.
+        let losses = Losses::from_counts(&on_purpose(2));
+        assert_eq!((losses.images, losses.clouds), (2, 2 + 6));
     }
 
     #[test]
