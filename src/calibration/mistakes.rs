@@ -52,6 +52,13 @@ impl Mistake {
     /// All mistakes that a rig and its volume could have.
     #[must_use]
     pub fn all(rig: &Rig, volume: Option<&MeasurementVolume>) -> Vec<Self> {
+        let resolutions = [Self::Resolution(2.0), Self::Resolution(0.5)];
+        Self::of_poses(rig, volume).into_iter().chain(resolutions).collect()
+    }
+
+    /// Those in poses and lengths. Only these does the volume show: a camera with a shorter focal length always sees more
+    /// of it.
+    fn of_poses(rig: &Rig, volume: Option<&MeasurementVolume>) -> Vec<Self> {
         let poses = [
             Self::Cam2Inverted,
             Self::ProjectorInverted,
@@ -60,9 +67,8 @@ impl Mistake {
             Self::ProjectorFromCam2,
         ];
         let units = [Self::ProjectorUnit(1000.0), Self::ProjectorUnit(1e-3)];
-        let resolutions = [Self::Resolution(2.0), Self::Resolution(0.5)];
         let scale = volume.and_then(|volume| missing_scale(rig, volume)).map(Self::AllLengths);
-        poses.into_iter().chain(units).chain(resolutions).chain(scale).collect()
+        poses.into_iter().chain(units).chain(scale).collect()
     }
 
     /// The rig without this mistake.
@@ -151,7 +157,7 @@ pub fn likely_mistake(rig: &Rig, volume: &MeasurementVolume) -> Option<LikelyMis
         return None;
     }
     let bases_m = [rig.centre_of_cam2(), rig.centre_of_projector()].map(|centre| centre.coords.norm());
-    let shares = Mistake::all(rig, Some(volume)).into_iter().map(|mistake| LikelyMistake {
+    let shares = Mistake::of_poses(rig, Some(volume)).into_iter().map(|mistake| LikelyMistake {
         mistake,
         seen_share,
         corrected_share: self::seen_share(&mistake.corrected(rig), volume),
