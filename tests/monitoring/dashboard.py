@@ -559,6 +559,8 @@ def check_all(checks):
         return
     checks.run(checks.the_page_begins_with_what_the_scan_makes)
     if checks.is_tracked:
+        if checks.pictures:
+            checks.run(checks.pictures_of_the_page)
         checks.no_errors(lambda text, url: False)
         return
     for check in (
@@ -594,7 +596,7 @@ def main():
     parser.add_argument("--pictures", type=pathlib.Path, help="folder for screenshots of the page")
     parser.add_argument("--recordings", type=pathlib.Path, help="folder of the recordings, to check their files")
     parser.add_argument("--chromium", default="chromium", help="the Chromium program")
-    parser.add_argument("--tracked", action="store_true", help="check that the page begins with the model, and no more")
+    parser.add_argument("--tracked", action="store_true", help="check only that the page begins with the model, and take pictures")
     parser.add_argument("--restart-pid", type=int, help="process of the monitor, to kill it; its port must be fixed")
     arguments = parser.parse_args()
     # Exit normally on SIGTERM, so that Chromium is ended.
