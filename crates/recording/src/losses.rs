@@ -85,15 +85,19 @@ impl Recording {
     /// # Errors
     /// The file can no longer be read. A pattern event with invalid content is left out.
     pub fn losses(&self) -> Result<Losses, RecordingError> {
+        self.losses_of_run(&self.stage_counts()?)
+    }
+
+    /// [`Self::losses`] of a run whose stages ended with these counts.
+    pub(super) fn losses_of_run(&self, counts: &[(Stage, Counts)]) -> Result<Losses, RecordingError> {
         let Numbering { missing_images, missing_patterns, .. } = self.numbering()?;
         let has_all =
             |header: &&fringeflow_message::CloudHeader| self.has_window(header) || self.begins_after(&header.window);
-        let counts = self.stage_counts()?;
         let dropped_in = |stage: Stage| {
             counts.iter().filter(|(other, _)| *other == stage).map(|(_, counts)| counts.all_dropped()).sum::<u64>()
         };
         let lost = self.lost_messages();
-        let mut run = Verdict::from_counts(&counts);
+        let mut run = Verdict::from_counts(counts);
         run.add_missing_messages(lost.unwrap_or(0));
         let [cam1, cam2] = missing_images;
         Ok(Losses {

@@ -96,6 +96,7 @@ impl Recording {
                 _ => {}
             }
         }
+        let counts = self.stage_counts()?;
         Ok(Summary {
             name: self.setup().name.clone(),
             bytes: self.bytes(),
@@ -109,9 +110,9 @@ impl Recording {
             points: self.cloud_headers().fold(0, |sum, header| sum.saturating_add(header.points)),
             marks,
             losses,
-            lost: self.losses()?,
+            lost: self.losses_of_run(&counts)?,
             account: self.recorder_account().clone(),
-            stages: self.stage_counts()?.iter().map(StageSummary::new).collect(),
+            stages: counts.iter().map(StageSummary::new).collect(),
             foreign: self.foreign_messages().clone(),
         })
     }
