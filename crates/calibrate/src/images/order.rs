@@ -1,0 +1,117 @@
+//! Where the images of each kind stand in a pattern set.
+
+use fringeflow::geometry::FringePattern;
+use fringeflow::phase::{GrayCode, PhaseShifts, ShiftError};
+use fringeflow_patterns::{Direction, Pattern, PatternSet};
+
+/// The fringes of one direction and their Gray code.
+#[derive(Clone, Debug)]
+pub(super) struct CodedFringes {
+    pub(super) pattern: FringePattern,
+    pub(super) shifts: PhaseShifts,
+    /// Indices of the fringe images.
+    pub(super) fringes: Vec<usize>,
+    pub(super) code: GrayCode,
+    /// Indices of the images of the code, the most significant bit first.
+    pub(super) bits: Vec<usize>,
+}
+
+/// Indices of the images of a pattern set, by what they show.
+#[derive(Clone, Debug)]
+pub struct PatternOrder {
+    /// Width and height of the image of the projector, pixels.
+    pub projector_px: [usize; 2],
+    /// Number of images.
+    pub images: usize,
+    pub(super) white: Vec<usize>,
+    pub(super) black: Option<usize>,
+    /// Columns and rows.
+    pub(super) directions: [CodedFringes; 2],
+}
+
+/// A pattern set does not serve for calibration.
+#[derive(Debug, thiserror::Error)]
+pub enum PatternOrderError {
+    /// There is no image in which the board is lit evenly.
+    #[error("has no white image; `fringeflow patterns --calibration` makes a set that has all images")]
+    NoWhite,
+    /// A direction has no fringes, or no Gray code.
+    #[error("has no {what} along the {direction}; `fringeflow patterns --calibration` makes a set that has all images")]
+    Missing {
+        /// What is missing.
+        what: &'static str,
+        /// Name of the direction.
+        direction: &'static str,
+    },
+    /// Images of one direction have different fringes.
+    #[error("has fringes of several periods along the {direction}; one period is supported")]
+    SeveralPeriods {
+        /// Name of the direction.
+        direction: &'static str,
+    },
+    /// The phase shifts do not determine a phase.
+    #[error(transparent)]
+    Shifts(#[from] ShiftError),
+}
+
+impl PatternOrder {
+    /// Finds the images of a set.
+    ///
+    /// # Errors
+    /// [`PatternOrderError`]: a kind of image is missing.
+    pub fn of(set: &PatternSet) -> Result<Self, PatternOrderError> {
+        let of_kind = |pattern: Pattern| set.images.iter().enumerate().filter(move |(_, p)| **p == pattern).map(|(i, _)| i);
+        let white: Vec<usize> = of_kind(Pattern::White).collect();
+        if white.is_empty() {
+            return Err(PatternOrderError::NoWhite);
+        }
+        let [columns, rows] = Direction::BOTH.map(|direction| CodedFringes::of(set, direction));
+        Ok(Self {
+            projector_px: set.projector_px,
+            images: set.images.len(),
+            white,
+            black: of_kind(Pattern::Black).next(),
+            directions: [columns?, rows?],
+        })
+    }
+
+    /// Period of the fringes along the columns, pixels of the projector.
+    #[must_use]
+    pub fn period_px(&self) -> f64 {
+        self.directions[0].pattern.period_px
+    }
+}
+
+impl CodedFringes {
+    fn of(set: &PatternSet, wanted: Direction) -> Result<Self, PatternOrderError> {
+        let direction_name = wanted.name();
+        let missing = |what| PatternOrderError::Missing { what, direction: direction_name };
+        let (mut fringes, mut shifts_rad, mut bits) = (Vec::new(), Vec::new(), Vec::new());
+        let mut first: Option<FringePattern> = None;
+        for (index, image) in set.images.iter().enumerate() {
+            match *image {
+                Pattern::Fringes { direction, pattern, shift_rad } if direction == wanted => {
+                    if *first.get_or_insert(pattern) != pattern {
+                        return Err(PatternOrderError::SeveralPeriods { direction: direction_name });
+                    }
+                    fringes.push(index);
+                    shifts_rad.push(shift_rad);
+                }
+                Pattern::Gray { direction, bit, .. } if direction == wanted => bits.push((bit, index)),
+                _ => {}
+            }
+        }
+        let pattern = first.ok_or_else(|| missing("fringes"))?;
+        if bits.is_empty() {
+            return Err(missing("Gray code"));
+        }
+        bits.sort_unstable_by(|a, b| b.cmp(a));
+        Ok(Self {
+            pattern,
+            shifts: PhaseShifts::new(&shifts_rad)?,
+            fringes,
+            code: GrayCode { images: bits.len(), cell_periods: 0.5 },
+            bits: bits.into_iter().map(|(_, index)| index).collect(),
+        })
+    }
+}

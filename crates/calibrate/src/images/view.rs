@@ -1,0 +1,159 @@
+//! One camera's images of one pose of the board.
+
+use fringeflow::geometry::Pixel;
+use fringeflow_base::grey::PixelFormat;
+use fringeflow_board::{Board, BoardImage, Detection, NotDetected, detect};
+use fringeflow_dataset::GreyImage;
+
+use super::coordinates::Coordinates;
+use super::order::PatternOrder;
+use super::{edges, gains, patch};
+use crate::observations::{CameraView, Corner, PhasePatch};
+
+/// Windows around a corner have at least this radius, pixels: enough for the coefficients of a quadratic.
+const LEAST_RADIUS_PX: f64 = 4.0;
+
+/// What images show beyond their observations: signs of what may be wrong with them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ImageSigns {
+    /// Amplitude of the second harmonic of the fringes, relative to the fundamental: (γ − 1)/(γ + 2) for a projector with
+    /// exponent γ. `None` if the shifts do not determine it.
+    pub second_harmonic_share: Option<f64>,
+    /// Largest relative deviation of the brightness of a fringe image from the others.
+    pub brightness_share: Option<f64>,
+    /// Residual of the fit of the fringes, relative to their modulation.
+    pub residual_share: Option<f64>,
+    /// Median shift of the corners from the first white image to the last, pixels; `None` with one white image.
+    pub moved_px: Option<f64>,
+    /// Median width of the edges of the board, pixels.
+    pub edge_width_px: Option<f64>,
+    /// Share of the lit pixels that are saturated in a fringe image.
+    pub saturated_share: f64,
+}
+
+/// Why a camera's images of a pose are of no use.
+#[derive(Debug, thiserror::Error)]
+pub enum NoView {
+    /// The board is not found.
+    #[error(transparent)]
+    Board(#[from] NotDetected),
+    /// Images have different sizes or depths.
+    #[error("its images have different sizes or depths")]
+    Sizes,
+}
+
+/// Finds the board, and around its corners the projector's coordinates. Without `order`, the images are of the board
+/// alone and the first one counts.
+///
+/// # Errors
+/// [`NoView`].
+pub fn observe(
+    board: &Board,
+    images: &[GreyImage],
+    order: Option<&PatternOrder>,
+) -> Result<(CameraView, ImageSigns), NoView> {
+    let first = images.first().ok_or(NoView::Sizes)?;
+    let size_px = [first.width, first.height];
+    if !images.iter().all(|image| [image.width, image.height] == size_px && image.format == first.format) {
+        return Err(NoView::Sizes);
+    }
+    let evenly_lit = order.map_or_else(|| vec![0], PatternOrder::evenly_lit);
+    let lit = mean_image(images, &evenly_lit);
+    let corners = corners(&detect(board, &board_image(&lit))?);
+    let radii = radii_px(&corners);
+    let mut signs = ImageSigns { edge_width_px: edge_width_px(&lit, &corners, &radii), ..ImageSigns::default() };
+    let mut view = CameraView { corners, patches: Vec::new() };
+    let Some(order) = order else { return Ok((view, signs)) };
+    signs.moved_px = moved_px(board, images, order);
+    let [columns, rows] = [0, 1].map(|k| Coordinates::decode(images, order, &order.directions[k]));
+    let directions = [columns.ok_or(NoView::Sizes)?, rows.ok_or(NoView::Sizes)?];
+    signs.add_fringes(images, order, &directions);
+    view.patches = patches(&directions, size_px, &view.corners, &radii);
+    Ok((view, signs))
+}
+
+impl PatternOrder {
+    /// The images whose mean shows the board evenly lit: the shifted fringes of a period cancel.
+    fn evenly_lit(&self) -> Vec<usize> {
+        let fringes = self.directions.iter().flat_map(|direction| direction.fringes.iter().copied());
+        self.white.iter().copied().chain(fringes).collect()
+    }
+}
+
+/// The mean of some images, scaled so that its brightest pixel is white: noise averages out, and the detector has all
+/// grey levels.
+fn mean_image(images: &[GreyImage], indices: &[usize]) -> GreyImage {
+    let first = &images[0];
+    let levels: Vec<_> = indices.iter().map(|&i| images[i].levels()).collect();
+    let sums: Vec<f32> =
+        (0..first.width * first.height).map(|i| levels.iter().map(|image| image.grey(i)).sum::<f32>()).collect();
+    let brightest = sums.iter().copied().fold(1.0, f32::max);
+    let pixels = sums.iter().map(|sum| (sum * 255.0 / brightest).round() as u8).collect();
+    GreyImage { width: first.width, height: first.height, format: PixelFormat::Grey, pixels }
+}
+
+fn board_image(image: &GreyImage) -> BoardImage<'_> {
+    BoardImage { width: image.width, height: image.height, pixels: &image.pixels }
+}
+
+fn corners(detections: &[Detection]) -> Vec<Corner> {
+    let corner = |d: &Detection| Corner { feature: d.feature, pixel: Pixel::new(d.pixel[0], d.pixel[1]), sd_px: d.sd_px };
+    detections.iter().map(corner).collect()
+}
+
+/// Half the distance from each corner to its nearest neighbour: windows that do not overlap.
+fn radii_px(corners: &[Corner]) -> Vec<f64> {
+    let nearest = |corner: &Corner| {
+        let others = corners.iter().filter(|other| other.feature != corner.feature);
+        others.map(|other| (other.pixel - corner.pixel).norm()).fold(f64::INFINITY, f64::min)
+    };
+    corners.iter().map(|corner| nearest(corner) / 2.0).collect()
+}
+
+fn edge_width_px(lit: &GreyImage, corners: &[Corner], radii_px: &[f64]) -> Option<f64> {
+    let size_px = [lit.width, lit.height];
+    let widths = corners.iter().zip(radii_px);
+    median(widths.filter_map(|(c, &r)| edges::width_px(lit.levels(), size_px, c.pixel, r)).collect())
+}
+
+/// Median shift of the corners between the first and the last white image, pixels.
+fn moved_px(board: &Board, images: &[GreyImage], order: &PatternOrder) -> Option<f64> {
+    let [first, .., last] = order.white[..] else { return None };
+    let seen = |index: usize| {
+        let image = mean_image(images, &[index]);
+        detect(board, &board_image(&image)).ok().map(|found| corners(&found))
+    };
+    let (before, after) = (seen(first)?, seen(last)?);
+    let shifts = before.iter().filter_map(|corner| {
+        let same = after.iter().find(|other| other.feature == corner.feature)?;
+        Some((same.pixel - corner.pixel).norm())
+    });
+    median(shifts.collect())
+}
+
+impl ImageSigns {
+    fn add_fringes(&mut self, images: &[GreyImage], order: &PatternOrder, directions: &[Coordinates; 2]) {
+        let largest = |values: [Option<f64>; 2]| values.into_iter().flatten().reduce(f64::max);
+        let of_both = |of: &dyn Fn(usize) -> Option<f64>| largest([of(0), of(1)]);
+        self.second_harmonic_share = of_both(&|k| directions[k].phase.harmonics.second_share.map(f64::from));
+        self.residual_share = of_both(&|k| directions[k].phase.fit.residual_share.map(f64::from));
+        self.brightness_share = of_both(&|k| {
+            let coded = &order.directions[k];
+            let levels: Vec<_> = coded.fringes.iter().map(|&i| images[i].levels()).collect();
+            gains::deviation_share(&levels, &directions[k].phase, coded.shifts.shifts_rad())
+        });
+        let saturated = directions.iter().map(|d| d.phase.exposure);
+        let shares = saturated.map(|e| e.saturated_pixels as f64 / e.lit_pixels.max(1) as f64);
+        self.saturated_share = shares.fold(0.0, f64::max);
+    }
+}
+
+fn patches(directions: &[Coordinates; 2], size_px: [usize; 2], corners: &[Corner], radii_px: &[f64]) -> Vec<PhasePatch> {
+    let windows = corners.iter().zip(radii_px).filter(|(_, radius_px)| **radius_px >= LEAST_RADIUS_PX);
+    windows.filter_map(|(c, &radius_px)| patch::fit(directions, size_px, c.feature, c.pixel, radius_px)).collect()
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}

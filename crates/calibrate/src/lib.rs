@@ -1,0 +1,30 @@
+//! Calibration of the whole sensor: both cameras and the projector, from images of a board.
+//!
+//! ```text
+//! images ──► corners of the board, and the phase around them (observations)
+//!                │
+//!                ▼
+//!         each device alone (initial) ──► arrangement ──► joint bundle adjustment (adjustment) ──► rig, covariance
+//! ```
+//!
+//! The projector sees nothing. The phase of both directions of fringes tells which of its pixels lights a point of the
+//! board (Zhang and Huang 2006; Moreno and Taubin 2012), so it is a third camera whose image is measured through the
+//! others.
+//!
+//! Frames: `first` is the frame of C1, `board` has its origin in the middle of the board, x right and y down as printed,
+//! z into the board. Lengths are metres, pixel centres are at integers.
+
+pub mod adjustment;
+pub mod initial;
+// pub mod images;
+mod lens;
+pub mod observations;
+mod pose_words;
+pub mod quality;
+mod rig;
+mod shape;
+
+pub use lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
+pub use pose_words::PoseWords;
+pub use rig::{CalibratedRig, DeviceName, GROUPS, NoCalibration, OtherPose, RigViews, calibrate};
+pub use shape::BoardShape;
