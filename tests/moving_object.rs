@@ -11,9 +11,10 @@ use fringeflow::reconstruction::{Reconstructor, Settings};
 use fringeflow_dataset::{CameraId, Dataset, GreyImage, Motion, Truth};
 use fringeflow_lab::evaluation::{Evaluation, Frames, against_rendered, against_rendered_at};
 use fringeflow_lab::simulation::{
-    Board, Direction, ImageSeed, MotionOptions, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, Simulation,
-    SimulationOptions, Staging, View, VirtualRig,
+    Board, ImageSeed, MotionOptions, NoiseLevel, Object, RigOptions, Scene, Sensor, Simulation, SimulationOptions,
+    Staging, View, VirtualRig,
 };
+use fringeflow_patterns::{Direction, Pattern};
 
 const SIZE_PX: [usize; 2] = [320, 256];
 const STEPS: usize = 4;
@@ -44,9 +45,9 @@ fn view_at_rest(rig: &VirtualRig, object: Object, motion: &Pose, camera: CameraI
     View::trace(&rig.exact, &scene.at(pose), camera, 1).unwrap()
 }
 
-fn fringes(rig: &VirtualRig, image: usize) -> Projected {
+fn fringes(rig: &VirtualRig, image: usize) -> Pattern {
     let shift_rad = std::f64::consts::TAU * (image % STEPS) as f64 / STEPS as f64;
-    Projected::Fringes { direction: Direction::Columns, pattern: rig.columns, shift_rad }
+    Pattern::Fringes { direction: Direction::Columns, pattern: rig.columns, shift_rad }
 }
 
 fn render_fringes(rig: &VirtualRig, view: &View, image: usize) -> GreyImage {
@@ -70,7 +71,7 @@ fn every_image_shows_the_scene_at_its_pose() {
         let (white, _) = dataset.white_and_black(camera).unwrap().unwrap();
         let resting = view_at_rest(simulation.rig(), Object::Tooth, &Pose::identity(), camera);
         let seed = ImageSeed { seed: 1, camera: 0, image: 0 };
-        assert!(white == Sensor::exposed(None, 1.0).image(&resting, &Projected::White, seed));
+        assert!(white == Sensor::exposed(None, 1.0).image(&resting, &Pattern::White, seed));
     }
 }
 

@@ -5,9 +5,9 @@
 
 use fringeflow_dataset::CameraId;
 use fringeflow_lab::simulation::{
-    Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, Sensor, Simulation, SimulationOptions, Staging,
-    Surface,
+    Board, BoardApart, ImageSeed, NoiseLevel, Object, Sensor, Simulation, SimulationOptions, Staging, Surface,
 };
+use fringeflow_patterns::Pattern;
 
 const SIZE_PX: [usize; 2] = [640, 512];
 
@@ -23,7 +23,7 @@ fn simulate(object: Object, board: Board, staging: Staging) -> Simulation {
 /// Grey levels of a camera under white light.
 fn white_image(simulation: &Simulation, camera: CameraId) -> Vec<u8> {
     let seed = ImageSeed { seed: 1, camera: 0, image: 0 };
-    Sensor::exposed(None, 1.0).image(&simulation.views()[camera as usize], &Projected::White, seed).pixels
+    Sensor::exposed(None, 1.0).image(&simulation.views()[camera as usize], &Pattern::White, seed).pixels
 }
 
 fn count(mask: impl IntoIterator<Item = bool>) -> usize {

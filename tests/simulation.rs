@@ -10,9 +10,10 @@ use fringeflow::geometry::{Point3, Rig};
 use fringeflow_dataset::{CameraId, Dataset, DatasetError, EXACT_CALIBRATION_FILE, Problem, RenderedTruth, Truth};
 use fringeflow_lab::evaluation::{SimulatedDatasetError, TOLERANCE_PX};
 use fringeflow_lab::simulation::{
-    Board, Direction, ImageSeed, NoiseLevel, Object, PointMm, Projected, RigOptions, Scene, Sensor, Simulation,
-    SimulationError, SimulationOptions, Solid, View, VirtualRig, truth,
+    Board, ImageSeed, NoiseLevel, Object, PointMm, RigOptions, Scene, Sensor, Simulation, SimulationError,
+    SimulationOptions, Solid, View, VirtualRig, truth,
 };
+use fringeflow_patterns::{Direction, Pattern};
 
 const SIZE: [usize; 2] = [320, 256];
 
@@ -66,7 +67,7 @@ fn phase_errors(simulation: &Simulation, direction: Direction) -> (Vec<f64>, Vec
         Direction::Columns => simulation.rig().columns,
         Direction::Rows => simulation.rig().rows,
     };
-    let fringes = |k: usize| Projected::Fringes { direction, pattern, shift_rad: TAU * k as f64 / 8.0 };
+    let fringes = |k: usize| Pattern::Fringes { direction, pattern, shift_rad: TAU * k as f64 / 8.0 };
     let seed = ImageSeed { seed: 0, camera: 0, image: 0 };
     let images: Vec<_> = (0..8).map(|k| sensor.image(view, &fringes(k), seed)).collect();
     let (mut unrounded, mut rounded) = (Vec::new(), Vec::new());
@@ -307,11 +308,11 @@ fn noise_has_the_variance_of_shot_read_and_rounding_noise() {
     let view = View::trace(&rig.exact, &scene, CameraId::Cam1, 1).unwrap();
     let noise = NoiseLevel::Normal.noise().unwrap();
     let (noisy, quiet) = (Sensor::exposed(Some(noise), 1.0), Sensor::exposed(None, 1.0));
-    let image = |image: u32| noisy.image(&view, &Projected::White, ImageSeed { seed: 9, camera: 0, image });
+    let image = |image: u32| noisy.image(&view, &Pattern::White, ImageSeed { seed: 9, camera: 0, image });
     let (a, b) = (image(0), image(1));
     let (mut squares, mut expected) = (0.0, 0.0);
     for i in 0..a.pixels.len() {
-        let grey = quiet.grey(&view, &Projected::White, i);
+        let grey = quiet.grey(&view, &Pattern::White, i);
         if grey > 50.0 {
             squares += (f64::from(a.pixels[i]) - f64::from(b.pixels[i])).powi(2);
             let per_electron = 255.0 / noise.full_well_e;

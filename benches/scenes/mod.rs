@@ -12,9 +12,10 @@ use fringeflow::phase::PhaseShifts;
 use fringeflow_base::grey::{GreyLevels, PixelFormat};
 use fringeflow_dataset::{CameraId, GreyImage, SetupText};
 use fringeflow_lab::simulation::{
-    Arrangement, Board, BoardApart, Direction, ImageSeed, NoiseLevel, Object, PoseImages, Projected, RigOptions,
-    Sensor, Simulation, SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
+    Arrangement, Board, BoardApart, ImageSeed, NoiseLevel, Object, PoseImages, RigOptions, Sensor, Simulation,
+    SimulationOptions, SweepOptions, VirtualRig, VirtualScanner, VirtualScannerOptions,
 };
+use fringeflow_patterns::{Direction, Pattern};
 
 pub(crate) use workers::Workers;
 
@@ -179,7 +180,7 @@ impl Scene {
         CameraId::BOTH.map(|camera| {
             let image = |(number, &shift_rad): (usize, &f64)| {
                 let pattern = self.rig.columns;
-                let projected = Projected::Fringes { direction: Direction::Columns, pattern, shift_rad };
+                let projected = Pattern::Fringes { direction: Direction::Columns, pattern, shift_rad };
                 let seed = ImageSeed { seed: 1, camera: camera as u8, image: number as u32 };
                 sensor.image(&simulation.views()[camera as usize], &projected, seed)
             };

@@ -11,9 +11,10 @@ use fringeflow_dataset::{CameraId, Dataset, GreyImage};
 use fringeflow_lab::evaluation::{Evaluation, Frames, Scores, against_rendered, reliability};
 use fringeflow_lab::scene_lists::SceneList;
 use fringeflow_lab::simulation::{
-    Arrangement, Board, BoardApart, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Sensor, Simulation,
-    SimulationOptions, Staging, VirtualRig,
+    Arrangement, Board, BoardApart, ImageSeed, NoiseLevel, Object, RigOptions, Sensor, Simulation, SimulationOptions,
+    Staging, VirtualRig,
 };
+use fringeflow_patterns::Pattern;
 use fringeflow_simd::Level;
 
 /// Width and height of the images, pixels.
@@ -62,17 +63,17 @@ fn reconstruct_with_settings(
     settings: Settings,
 ) -> Result<Reconstruction, ReconstructionError> {
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
-    let fringes: Vec<(f64, Projected)> = simulation
+    let fringes: Vec<(f64, Pattern)> = simulation
         .images()
         .into_iter()
         .filter_map(|(_, pattern)| match pattern {
-            Projected::Fringes { shift_rad, .. } => Some((shift_rad, pattern)),
+            Pattern::Fringes { shift_rad, .. } => Some((shift_rad, pattern)),
             _ => None,
         })
         .collect();
     let [cam1, cam2] = cameras.map(|camera| {
         let view = &simulation.views()[camera as usize];
-        let image = |(k, (_, pattern)): (usize, &(f64, Projected))| {
+        let image = |(k, (_, pattern)): (usize, &(f64, Pattern))| {
             sensor.image(view, pattern, ImageSeed { seed: 3, camera: camera as u8, image: k as u32 })
         };
         fringes.iter().enumerate().map(image).collect::<Vec<_>>()
@@ -87,10 +88,10 @@ fn reconstruct_slipped(simulation: &Simulation, ahead: [usize; 2]) -> Reconstruc
     let rig = simulation.rig();
     let table = SegmentTable::build(&rig.calibrated, &rig.volume, &rig.columns).unwrap();
     let fringes = simulation.images().into_iter().filter_map(|(_, pattern)| match pattern {
-        Projected::Fringes { shift_rad, .. } => Some((shift_rad, pattern)),
+        Pattern::Fringes { shift_rad, .. } => Some((shift_rad, pattern)),
         _ => None,
     });
-    let (shifts, patterns): (Vec<f64>, Vec<Projected>) = fringes.unzip();
+    let (shifts, patterns): (Vec<f64>, Vec<Pattern>) = fringes.unzip();
     let sensor = Sensor::exposed(None, 1.0);
     let [cam1, cam2] = CameraId::BOTH.map(|camera| {
         let image = |k: usize| {

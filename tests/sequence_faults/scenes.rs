@@ -13,9 +13,9 @@ use fringeflow::phase::{
 use fringeflow_base::grey::GreyLevels;
 use fringeflow_dataset::{CameraId, GreyImage};
 use fringeflow_lab::simulation::{
-    Arrangement, Board, Direction, ImageSeed, NoiseLevel, Object, Projected, RigOptions, Scene, Sensor, View,
-    VirtualRig,
+    Arrangement, Board, ImageSeed, NoiseLevel, Object, RigOptions, Scene, Sensor, View, VirtualRig,
 };
+use fringeflow_patterns::{Direction, Pattern};
 
 /// The images are the middle of images of this width: they have the same focal length in pixels, and the same fringes.
 const FULL_WIDTH_PX: f64 = 640.0;
@@ -130,7 +130,7 @@ impl MovingScene {
         let sensor = Sensor::exposed(self.noise.noise(), 1.0);
         let image_at = |[pose, step]: [usize; 2]| {
             let shift_rad = shifts_rad(steps)[step % steps];
-            let pattern = Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
+            let pattern = Pattern::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
             let views = &self.views[camera];
             let view = &views[pose.min(views.len() - 1)];
             // An exposure that is delivered twice has the same noise both times.

@@ -1,4 +1,4 @@
-//! Shared by all other crates: grey levels, limits, outcomes of pixels, Eq. (1), atomic writes, text files, PNG, NPZ.
+//! Shared by all other crates: grey levels, limits, outcomes of pixels, Eq. (1), atomic writes, new folders, text files, PNG, NPZ.
 //!
 //! ```text
 //! base ◄── message ◄── transport ◄── services
@@ -21,6 +21,7 @@ pub mod atomic_file;
 pub mod false_candidates;
 pub mod grey;
 pub mod limits;
+pub mod new_folder;
 pub mod npz;
 pub mod outcome;
 pub mod png_encoding;

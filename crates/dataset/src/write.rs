@@ -1,16 +1,14 @@
 //! Writes a dataset folder atomically: into a temporary folder, which is renamed at the end.
 
-use std::fs::Permissions;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use tempfile::TempDir;
 
 use fringeflow::calibration::{Unit, write_calibration};
 use fringeflow::geometry::{MeasurementVolume, Pose, Readout, Rig};
 use fringeflow_base::atomic_file::WriteError;
 use fringeflow_base::grey::PixelFormat;
+use fringeflow_base::new_folder::{self, NewFolder};
 use fringeflow_pixels::DeviceImages;
 
 use super::meta::{RawReadout, RawSequence, VolumeDescription};
@@ -140,8 +138,7 @@ struct WrittenMeta<'a> {
 /// An unfinished dataset folder. If it is dropped without [`Self::finish`], it is deleted.
 #[derive(Debug)]
 pub struct DatasetWriter {
-    target: PathBuf,
-    unfinished: TempDir,
+    folder: NewFolder,
     image_size_px: [usize; 2],
 }
 
@@ -175,26 +172,18 @@ impl DatasetWriter {
         image_size_px: [usize; 2],
         source: Option<DeviceImages>,
     ) -> Result<Self, DatasetError> {
-        let fail = |e| DatasetError::new(target, Problem::Unwritable(e));
-        check_new(target)?;
-        let parent = match target.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        let mut builder = tempfile::Builder::new();
-        // The umask still applies. With the default of tempfile, other users could not read the result.
-        builder.prefix(".fringeflow-").suffix(".part").permissions(Permissions::from_mode(0o777));
-        let unfinished = builder.tempdir_in(parent).map_err(fail)?;
+        let fail = |e| unwritten(target, e);
+        let folder = NewFolder::begin(target).map_err(fail)?;
         for camera in CameraId::BOTH {
             // Both cameras may have the same folder.
-            std::fs::create_dir_all(unfinished.path().join(image_folder_name(source, camera))).map_err(fail)?;
+            std::fs::create_dir_all(folder.path().join(image_folder_name(source, camera))).map_err(fail)?;
         }
-        Ok(Self { target: target.to_owned(), unfinished, image_size_px })
+        Ok(Self { folder, image_size_px })
     }
 
     fn file(&self, name: &str, content: &[u8]) -> Result<(), DatasetError> {
         let written = std::fs::write(self.path(name), content);
-        written.map_err(|e| DatasetError::new(&self.target.join(name), Problem::Unwritable(e)))
+        written.map_err(|e| DatasetError::new(&self.folder.target().join(name), Problem::Unwritable(e)))
     }
 
     /// Writes the calibration, and the exact one of a simulated dataset.
@@ -234,7 +223,7 @@ impl DatasetWriter {
     /// The file cannot be written.
     pub fn truth(&self, truth: &RenderedTruth) -> Result<(), DatasetError> {
         let written = truth::write(&self.path(TRUTH_FILE), truth, self.image_size_px);
-        written.map_err(|p| DatasetError::new(&self.target.join(TRUTH_FILE), p))
+        written.map_err(|p| DatasetError::new(&self.folder.target().join(TRUTH_FILE), p))
     }
 
     /// Writes the unchanged content of a truth file.
@@ -250,7 +239,7 @@ impl DatasetWriter {
     /// # Errors
     /// As [`Dataset::open`], with paths in the temporary folder.
     pub fn unfinished(&self) -> Result<Dataset, DatasetError> {
-        Dataset::open(self.unfinished.path(), None)
+        Dataset::open(self.folder.path(), None)
     }
 
     /// Renames the folder to its final name.
@@ -258,21 +247,17 @@ impl DatasetWriter {
     /// # Errors
     /// `target` was created by someone else in the meantime, or its parent folder is not writable.
     pub fn finish(self) -> Result<(), DatasetError> {
-        check_new(&self.target)?;
-        let renamed = std::fs::rename(self.unfinished.path(), &self.target);
-        renamed.map_err(|e| DatasetError::new(&self.target, Problem::Unwritable(e)))?;
-        // The temporary name no longer exists, so there is nothing to delete.
-        let _ = self.unfinished.keep();
-        Ok(())
+        let target = self.folder.target().to_owned();
+        self.folder.finish().map_err(|e| unwritten(&target, e))
     }
 
     fn path(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.unfinished.path().join(name)
+        self.folder.path().join(name)
     }
 
     /// Returns the error with the final path of the file, since the user does not know the temporary one.
     fn as_target(&self, name: &Path, error: WriteError) -> WriteError {
-        WriteError { path: self.target.join(name), ..error }
+        WriteError { path: self.folder.target().join(name), ..error }
     }
 }
 
@@ -281,9 +266,13 @@ impl DatasetWriter {
 /// # Errors
 /// [`Problem::TargetExists`].
 pub fn check_new(target: &Path) -> Result<(), DatasetError> {
-    let is_new = match std::fs::read_dir(target) {
-        Ok(mut entries) => entries.next().is_none(),
-        Err(e) => e.kind() == std::io::ErrorKind::NotFound,
+    new_folder::check_new(target).map_err(|e| unwritten(target, e))
+}
+
+fn unwritten(target: &Path, error: std::io::Error) -> DatasetError {
+    let problem = match error.kind() {
+        std::io::ErrorKind::AlreadyExists => Problem::TargetExists,
+        _ => Problem::Unwritable(error),
     };
-    if is_new { Ok(()) } else { Err(DatasetError::new(target, Problem::TargetExists)) }
+    DatasetError::new(target, problem)
 }

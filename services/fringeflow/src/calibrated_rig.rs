@@ -59,7 +59,7 @@ impl CalibratedRig {
 }
 
 /// Returns the setup of the scanner of a configuration.
-fn configured_setup(file: &Path) -> Result<Setup, Failure> {
+pub(crate) fn configured_setup(file: &Path) -> Result<Setup, Failure> {
     let unusable = |what: String| Failure::Usage(format!("{}: {what}", file.display()));
     let text = setup_text(&read_configuration(file)?).map_err(|e| unusable(e.to_string()))?;
     Setup::parse(text, None).map_err(|e| unusable(e.to_string()))

@@ -10,6 +10,7 @@ use fringeflow_base::atomic_file::WriteError;
 use fringeflow_config::ConfigurationError;
 use fringeflow_dataset::{DatasetError, Problem};
 use fringeflow_lab::evaluation::GrayReferenceError;
+use fringeflow_patterns::{PatternError, PatternProblem};
 use fringeflow_recording::{ExportError, ImportError, RecordingError, RecordingProblem};
 use fringeflow_replay::ReplayError;
 use fringeflow_runtime::{ArgumentError, ServiceError};
@@ -67,6 +68,9 @@ pub(crate) enum Failure {
     /// Error in the file of a segment table.
     #[error(transparent)]
     SegmentFile(#[from] SegmentFileError),
+    /// Patterns cannot be read or written.
+    #[error(transparent)]
+    Patterns(#[from] PatternError),
     /// A cloud could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
@@ -97,6 +101,8 @@ impl Failure {
             Self::Recording(_) | Self::NotMeasurable(_) => 2,
             Self::Damaged(_) | Self::Mismatch(_) | Self::NothingMeasured(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
+            Self::Patterns(PatternError { problem: PatternProblem::Unwritable(_), .. }) => 1,
+            Self::Patterns(_) => 2,
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,

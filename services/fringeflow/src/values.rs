@@ -19,3 +19,10 @@ pub(crate) fn one_of<T: Copy + Send + Sync + 'static>(
 pub(crate) fn unit() -> impl TypedValueParser<Value = Unit> {
     one_of(&[Unit::Millimetre, Unit::Metre], Unit::symbol)
 }
+
+/// Parses width and height written as `WxH`.
+pub(crate) fn parse_size(text: &str) -> Result<[usize; 2], String> {
+    let wrong = || format!("{text:?} is not a size; write width and height as in 640x512");
+    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
+    Ok([width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?])
+}

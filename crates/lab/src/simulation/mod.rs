@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  RigOptions ─► VirtualRig (exact, calibrated, volume) ─┐
-//!                                                        ├─► View of C1, of C2 ─► image of any Projected pattern
+//!                                                        ├─► View of C1, of C2 ─► image of any Pattern
 //!  Object, Board ─► Scene (pose relative to C1) ─────────┘   truth
 //!  MotionOptions ─► pose of the object in every phase image of a Simulation
 //!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
@@ -33,7 +33,6 @@ mod normal;
 mod object;
 mod packing;
 mod pose_images;
-mod projected;
 mod projector_place;
 mod ray;
 mod rig;
@@ -62,7 +61,6 @@ pub use loop_file::LoopFileProblem;
 pub use motion::MotionOptions;
 pub use object::Object;
 pub use pose_images::PoseImages;
-pub use projected::{Direction, Projected};
 pub use rig::{Arrangement, GivenRig, RigOptions, VirtualRig};
 pub use scene::{Scene, Surface};
 pub use schedule::{Schedule, Tick};

@@ -4,11 +4,10 @@
 //! error. Out: two [`Rig`]s (exact and calibrated), the measurement volume in the frame of each, and the fringe
 //! patterns.
 
-use std::f64::consts::PI;
-
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use fringeflow::geometry::{Camera, Distortion, FringePattern, MeasurementVolume, Point3, Pose, Rig, Vector3};
+use fringeflow_patterns::{gray_bits, usual_fringes};
 
 use super::calibration_error::{self, CalibrationDeviation, Draws};
 use super::projector_place::with_projector_at;
@@ -115,8 +114,7 @@ impl RigOptions {
     /// The fringes of a projector without a pattern of its own.
     #[must_use]
     pub fn pattern(&self) -> FringePattern {
-        // The phase is zero at the left border of column 0, half a pixel before its centre.
-        FringePattern { period_px: self.period_px, sign: 1.0, offset_rad: PI / self.period_px }
+        usual_fringes(self.period_px)
     }
 
     /// Whether the projector is as far from the volume as in the built-in rig.
@@ -221,8 +219,7 @@ impl VirtualRig {
     /// Number of Gray-code images that distinguish all half periods of the display.
     #[must_use]
     pub fn gray_images(&self) -> usize {
-        let cells = (2.0 * self.exact.projector.width_px() as f64 / self.columns.period_px).ceil() as usize;
-        cells.next_power_of_two().trailing_zeros().max(1) as usize
+        gray_bits(self.exact.projector.width_px(), self.columns.period_px) as usize
     }
 
     /// Mean number of fringe periods on an epipolar segment, the `n` of Eq. 1: the periods that C2 sees between both
@@ -314,6 +311,8 @@ fn projector_lens(focal_px: f64, lens: Distortion) -> Camera {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     fn options() -> RigOptions {

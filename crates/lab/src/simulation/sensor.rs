@@ -9,11 +9,11 @@ use rayon::prelude::*;
 
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::GreyImage;
+use fringeflow_patterns::Pattern;
 
 use super::SimulationError;
 use super::colour_filter::ColourFilter;
 use super::normal::standard_normal;
-use super::projected::Projected;
 use super::view::View;
 
 /// Noise of a camera.
@@ -140,7 +140,7 @@ impl Sensor {
 
     /// Returns the image of a pattern.
     #[must_use]
-    pub fn image(&self, view: &View, pattern: &Projected, seed: ImageSeed) -> GreyImage {
+    pub fn image(&self, view: &View, pattern: &Pattern, seed: ImageSeed) -> GreyImage {
         let sensitivity = self.sensitivity([view.width, view.height], seed);
         self.exposure((view, &[]), pattern, &sensitivity, seed)
     }
@@ -161,7 +161,7 @@ impl Sensor {
     pub(super) fn exposure(
         &self,
         (middle, others): (&View, &[View]),
-        pattern: &Projected,
+        pattern: &Pattern,
         sensitivity: &Sensitivity,
         seed: ImageSeed,
     ) -> GreyImage {
@@ -189,14 +189,14 @@ impl Sensor {
 
     /// Grey level of a pixel before noise and rounding. `index` counts row by row and is below `width · height`.
     #[must_use]
-    pub fn grey(&self, view: &View, pattern: &Projected, index: usize) -> f64 {
+    pub fn grey(&self, view: &View, pattern: &Pattern, index: usize) -> f64 {
         let samples = view.pixel(index);
         let light = |sample: &super::view::Sample| {
             let ambient = f64::from(sample.albedo) * self.ambient;
             if sample.reflected <= 0.0 {
                 return ambient;
             }
-            let shown = pattern.brightness(sample);
+            let shown = pattern.brightness(f64::from(sample.column_px), f64::from(sample.row_px));
             let shown = if self.gamma == 1.0 { shown } else { shown.powf(self.gamma) };
             ambient + f64::from(sample.reflected) * (self.leak + (1.0 - self.leak) * shown)
         };

@@ -1,6 +1,5 @@
 //! Simulates a whole fringe sequence of the virtual scanner, as a dataset folder.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use serde_json::json;
@@ -14,11 +13,11 @@ use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::{
     CameraId, DatasetDescription, DatasetWriter, FringeSequence, GreyImage, ImageKind, Motion, RenderedTruth,
 };
+use fringeflow_patterns::{Direction, Pattern, even_shifts_rad};
 use fringeflow_pixels::DeviceImages;
 
 use super::motion::ObjectMotion;
 use super::packing::packed;
-use super::projected::{Direction, Projected};
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
 use super::view::View;
 use super::{
@@ -205,13 +204,13 @@ impl Simulation {
 
     /// Kinds and patterns of the images of a camera, in the order in which they are taken.
     #[must_use]
-    pub fn images(&self) -> Vec<(ImageKind, Projected)> {
+    pub fn images(&self) -> Vec<(ImageKind, Pattern)> {
         let mut images = self.direction(Direction::Columns, ImageKind::Phase, ImageKind::Gray);
         if self.options.two_directions {
             images.extend(self.direction(Direction::Rows, ImageKind::SecondPhase, ImageKind::SecondGray));
         }
         if self.options.white_and_black {
-            images.extend([(ImageKind::White, Projected::White), (ImageKind::Black, Projected::Black)]);
+            images.extend([(ImageKind::White, Pattern::White), (ImageKind::Black, Pattern::Black)]);
         }
         images
     }
@@ -240,7 +239,7 @@ impl Simulation {
     pub(crate) fn phase_image(&self, camera: CameraId, number: usize) -> Result<GreyImage, SimulationError> {
         let shifts_rad = self.cycle_shifts_rad();
         let shift_rad = shifts_rad[number % shifts_rad.len()];
-        let pattern = Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
+        let pattern = Pattern::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad };
         let seed = ImageSeed { seed: self.options.seed, camera: camera as u8, image: number as u32 };
         let colours = self.colours(camera, ImageKind::Phase(number), &pattern, seed)?;
         let format = self.options.images.format();
@@ -264,13 +263,14 @@ impl Simulation {
         direction: Direction,
         phase: fn(usize) -> ImageKind,
         gray: fn(usize) -> ImageKind,
-    ) -> Vec<(ImageKind, Projected)> {
+    ) -> Vec<(ImageKind, Pattern)> {
         let sequence = self.sequence(direction);
         let pattern = sequence.pattern;
         let fringes = sequence.shifts_rad.iter().enumerate();
-        let fringes = fringes.map(|(k, &shift_rad)| (phase(k), Projected::Fringes { direction, pattern, shift_rad }));
+        let fringes = fringes.map(|(k, &shift_rad)| (phase(k), Pattern::Fringes { direction, pattern, shift_rad }));
         let bits = sequence.gray.map_or(0, |g| g.images);
-        let code = (0..bits).map(|k| (gray(k), Projected::Gray { direction, pattern, bit: (bits - 1 - k) as u32 }));
+        let code = (0..bits)
+            .map(|k| (gray(k), Pattern::Gray { direction, period_px: pattern.period_px, bit: (bits - 1 - k) as u32 }));
         fringes.chain(code).collect()
     }
 
@@ -339,7 +339,7 @@ impl Simulation {
         &self,
         camera: CameraId,
         kind: ImageKind,
-        pattern: &Projected,
+        pattern: &Pattern,
         seed: ImageSeed,
     ) -> Result<Vec<GreyImage>, SimulationError> {
         let options = &self.options;
@@ -421,11 +421,6 @@ fn scene(options: &SimulationOptions, staging: &Staging, rig: &VirtualRig) -> Re
         scene = scene.coated(staging.albedo, staging.gloss);
     }
     Ok(if staging.hand { scene.with_hand(&rig.exact_volume) } else { scene })
-}
-
-/// Returns the phase shifts of `steps` images, evenly spaced over a period, rad.
-pub(super) fn even_shifts_rad(steps: usize) -> Vec<f64> {
-    (0..steps).map(|k| TAU * k as f64 / steps as f64).collect()
 }
 
 /// Returns remarks for a description about how its images were simulated.

@@ -8,12 +8,12 @@ use fringeflow::calibration::calibration_text;
 use fringeflow::geometry::{Point3, Pose, Readout};
 use fringeflow_base::grey::PixelFormat;
 use fringeflow_dataset::{CameraId, DatasetDescription, FringeSequence, SetupText};
+use fringeflow_patterns::{Direction, Pattern, even_shifts_rad};
 
 use super::object::Object;
-use super::projected::{Direction, Projected};
 use super::scene::volume_from_object;
 use super::sensor::{ImageSeed, NoiseLevel, Sensor};
-use super::sequence::{UNIT, even_shifts_rad, remarks};
+use super::sequence::{UNIT, remarks};
 use super::solid::MM_PER_M;
 use super::sweep::{Sweep, SweepOptions, SweepSpeed};
 use super::view::MAX_SUPERSAMPLING;
@@ -175,9 +175,9 @@ impl VirtualScanner {
     }
 
     /// The pattern of a step.
-    pub(super) fn projected(&self, step: usize) -> Projected {
+    pub(super) fn projected(&self, step: usize) -> Pattern {
         let shift_rad = even_shifts_rad(self.options.steps).get(step).copied().unwrap_or_default();
-        Projected::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad }
+        Pattern::Fringes { direction: Direction::Columns, pattern: self.rig.columns, shift_rad }
     }
 
     /// Seeds of the image at a pose.

@@ -10,6 +10,7 @@ mod fuse;
 mod import;
 mod info;
 mod latency;
+mod patterns;
 mod reconstruct;
 mod recover;
 mod replay;
@@ -60,6 +61,12 @@ pub(crate) enum Command {
     Info(info::Args),
     /// Show the latencies of a recorded run: every stage, the segments from exposure to cloud, the slowest windows.
     Latency(latency::Args),
+    /// Write the images for a projector: fringes, Gray code, a whole calibration, or a chart for focus and alignment.
+    ///
+    /// Example for a projector that hangs upside down:
+    ///
+    ///   fringeflow patterns --calibration --size 1280x800 --rotate 180 --output patterns
+    Patterns(patterns::Args),
     /// Reconstruct a point cloud from the images of a dataset folder or a recording.
     Reconstruct(reconstruct::Args),
     /// Recover a truncated, damaged or unfinished recording: write everything readable to a new one.
@@ -102,6 +109,7 @@ impl Command {
             Self::Import(args) => import::OPTIONS.check(args, command, matches),
             Self::Info(args) => info::OPTIONS.check(args, command, matches),
             Self::Latency(args) => latency::OPTIONS.check(args, command, matches),
+            Self::Patterns(args) => patterns::OPTIONS.check(args, command, matches),
             Self::Reconstruct(args) => reconstruct::OPTIONS.check(args, command, matches),
             Self::Recover(args) => recover::OPTIONS.check(args, command, matches),
             Self::Replay(args) => replay::OPTIONS.check(args, command, matches),
@@ -126,6 +134,7 @@ impl Command {
             Self::Import(args) => args.run(),
             Self::Info(args) => args.run(),
             Self::Latency(args) => args.run(),
+            Self::Patterns(args) => args.run(),
             Self::Reconstruct(args) => args.run(),
             Self::Recover(args) => args.run(),
             Self::Replay(args) => args.run(globals),

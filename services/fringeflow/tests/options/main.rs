@@ -126,6 +126,11 @@ fn the_options_of_fuse_act() {
 }
 
 #[test]
+fn the_options_of_patterns_act() {
+    check("patterns");
+}
+
+#[test]
 fn the_options_of_the_commands_on_recordings_act() {
     ["export", "import", "info", "check", "recover", "latency"].into_iter().for_each(check);
 }

@@ -52,6 +52,10 @@ pub(crate) const FORMS: &[Form] = &[
     form("check", "SCAN"),
     form("recover", "SCAN --output again.mcap"),
     form("latency", "SCAN"),
+    form("patterns", "--output set --size 64x48"),
+    form("patterns", "--output set"),
+    form("patterns", "--output set --calibration --size 64x48"),
+    form("patterns", "--output set --config TOOTH"),
 ];
 
 impl Form {
@@ -67,6 +71,8 @@ pub(crate) struct Inputs {
     set: PathBuf,
     /// A recording of a run, with clouds and reports.
     scan: PathBuf,
+    /// The configuration of that run.
+    scanner: PathBuf,
 }
 
 const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
@@ -79,8 +85,11 @@ impl Inputs {
         assert!(made.is_success(), "{}", made.stderr);
         std::fs::write(folder.path().join("settings.toml"), SETTINGS).unwrap();
         std::fs::write(folder.path().join("scanner.toml"), SCANNER).unwrap();
+        let table: String = (0..256).map(|level| format!("{}\n", level / 2)).collect();
+        std::fs::write(folder.path().join("table.txt"), table).unwrap();
         let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings");
-        Self { set: folder.path().join("set"), scan: recordings.join("tooth.mcap"), folder }
+        let (scan, scanner) = (recordings.join("tooth.mcap"), recordings.join("tooth.toml"));
+        Self { set: folder.path().join("set"), scan, scanner, folder }
     }
 
     /// Replaces the name of an input by its path.
@@ -88,6 +97,8 @@ impl Inputs {
         let path = match word {
             "SET" => self.set.clone(),
             "SCAN" => self.scan.clone(),
+            "TOOTH" => self.scanner.clone(),
+            "TABLE" => self.folder.path().join("table.txt"),
             "SETTINGS" => self.folder.path().join("settings.toml"),
             "SCANNER" => self.folder.path().join("scanner.toml"),
             word => return word.to_owned(),
@@ -117,7 +128,16 @@ pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> 
         ("simulate", "--size") => "96x64",
         ("rig", "--noise") => "9",
         ("simulate", "--noise") => "low",
-        ("rig" | "simulate", "--period") => "48",
+        ("rig" | "simulate" | "patterns", "--period") => "48",
+        ("patterns", "--size") => "80x64",
+        ("patterns", "--steps") => "5",
+        ("patterns", "--config") => "TOOTH",
+        (_, "--shifts") => "0,1.5,3",
+        (_, "--direction") => "both",
+        (_, "--rotate") => "90",
+        (_, "--flip") => "vertical",
+        (_, "--bits") => "1",
+        (_, "--gamma-table") => "TABLE",
         ("simulate", "--config") => "settings.toml",
         (_, "--config") => "SETTINGS",
         (_, "--frames") => "4..11",

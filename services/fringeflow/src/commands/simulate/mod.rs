@@ -23,7 +23,7 @@ use crate::calibrated_rig::CalibratedRig;
 use crate::failure::Failure;
 use crate::output_folder::has_extension;
 use crate::progress;
-use crate::values::{one_of, unit};
+use crate::values::{one_of, parse_size, unit};
 
 use configured::ConfiguredSimulation;
 
@@ -418,13 +418,6 @@ fn parse_place(text: &str) -> Result<[f64; 3], String> {
 fn parse_three(text: &str) -> Option<[f64; 3]> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
     numbers.ok()?.try_into().ok()
-}
-
-/// Parses width and height written as `WxH`.
-fn parse_size(text: &str) -> Result<[usize; 2], String> {
-    let wrong = || format!("{text:?} is not a size; write width and height as in 640x512");
-    let (width, height) = text.split_once('x').ok_or_else(wrong)?;
-    Ok([width.parse().map_err(|_| wrong())?, height.parse().map_err(|_| wrong())?])
 }
 
 impl From<SimulatedDatasetError> for Failure {
