@@ -22,7 +22,7 @@ use crate::geometry::Rig;
 
 pub use mistakes::{LikelyMistake, Mistake, likely_mistake};
 pub use unit::{Unit, UnknownUnit};
-pub use write::{calibration_text, write_calibration};
+pub use write::{calibration_text, push_matrix, write_calibration};
 
 /// Why a calibration was refused.
 #[derive(Debug, thiserror::Error)]

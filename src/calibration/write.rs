@@ -50,7 +50,8 @@ fn push_pose(out: &mut String, suffix: &str, pose: &Pose, unit: Unit) {
     push_matrix(out, &format!("T{suffix}"), 3, 1, (pose.translation.vector / unit.in_metres()).as_slice());
 }
 
-fn push_matrix(out: &mut String, name: &str, rows: usize, cols: usize, values: &[f64]) {
+/// Appends a matrix as FileStorage writes it, its values row by row.
+pub fn push_matrix(out: &mut String, name: &str, rows: usize, cols: usize, values: &[f64]) {
     // `{:?}` prints the shortest digits that read back to the same number; writing to a String cannot fail.
     let values: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
     let _ = writeln!(

@@ -15,16 +15,25 @@
 //! z into the board. Lengths are metres, pixel centres are at integers.
 
 pub mod adjustment;
+mod assessment;
+pub mod comparison;
+mod file;
+pub mod findings;
+pub mod folder;
 pub mod initial;
-// pub mod images;
+pub mod images;
 mod lens;
 pub mod observations;
+mod observed;
 mod pose_words;
 pub mod quality;
 mod rig;
 mod shape;
 
+pub use assessment::{Assessment, Quality};
+pub use file::file_text;
 pub use lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
+pub use observed::{Observed, ObservedPose};
 pub use pose_words::PoseWords;
 pub use rig::{CalibratedRig, DeviceName, GROUPS, NoCalibration, OtherPose, RigViews, calibrate};
 pub use shape::BoardShape;

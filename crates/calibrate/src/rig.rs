@@ -43,6 +43,8 @@ pub struct OtherPose {
     pub deviation_px: f64,
     /// The view whose image of C2 shows the pose that C1 sees here.
     pub partner: Option<usize>,
+    /// Whether the images fit with the cameras exchanged.
+    pub exchanged: bool,
 }
 
 /// Why there is no calibration.
@@ -224,6 +226,7 @@ fn other_poses(devices: &Devices<'_>, arrangement: &Arrangement) -> Vec<OtherPos
         view,
         deviation_px,
         partner: partners.get(view).copied().flatten().filter(|&partner| partner != view),
+        exchanged: devices.exchanged_px(&arrangement.second_from_first, view).is_some_and(|px| px <= limit_px),
     };
     if is_median_of_one_pose {
         return deviating.into_iter().map(other).collect();

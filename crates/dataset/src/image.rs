@@ -114,7 +114,7 @@ fn grey_channel(samples: Vec<u16>, channels: usize, width: usize, opaque: u16) -
 }
 
 /// Converts values to bytes in a format.
-fn stored_bytes(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
+pub(super) fn stored_bytes(values: &[u16], format: PixelFormat, width: usize) -> Result<Vec<u8>, Problem> {
     if let Some((i, &value)) = values.iter().enumerate().find(|&(_, &value)| value > format.max_value()) {
         return Err(Problem::Depth { bits: format.bits(), u: i % width, v: i / width, value });
     }

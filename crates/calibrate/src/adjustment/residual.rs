@@ -33,7 +33,7 @@ pub struct Measurement {
 
 impl Measurement {
     /// Whether the coordinates are those of a device: 0 and 1 for the cameras, 2 for the projector.
-    pub(crate) fn measures(&self, device: usize) -> bool {
+    pub fn measures(&self, device: usize) -> bool {
         match self.measured {
             Measured::Pixel(..) => self.device == device,
             Measured::Phase(_) => device == PROJECTOR,

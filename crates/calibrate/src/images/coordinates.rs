@@ -31,6 +31,12 @@ impl Coordinates {
         Some(Self { position_px: absolute.turns.iter().map(position).collect(), valid: absolute.valid, phase })
     }
 
+    /// Share of the pixels with a phase whose Gray code determines the fringe order.
+    pub(super) fn coded_share(&self) -> f64 {
+        let count = |valid: &[bool]| valid.iter().filter(|&&valid| valid).count();
+        count(&self.valid) as f64 / count(&self.phase.valid).max(1) as f64
+    }
+
     /// The coordinate at a pixel, pixels of the projector, with its modulation, grey levels.
     pub(super) fn at(&self, pixel: usize) -> Option<(f64, f64)> {
         let modulation = f64::from(self.phase.modulation[pixel].grey());

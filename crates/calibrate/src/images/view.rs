@@ -1,8 +1,8 @@
 //! One camera's images of one pose of the board.
 
 use fringeflow::geometry::Pixel;
-use fringeflow_base::grey::PixelFormat;
-use fringeflow_board::{Board, BoardImage, Detection, NotDetected, detect};
+use fringeflow_base::grey::GreyLevels;
+use fringeflow_board::{Board, BoardImage, NotDetected, detect};
 use fringeflow_dataset::GreyImage;
 
 use super::coordinates::Coordinates;
@@ -23,6 +23,8 @@ pub struct ImageSigns {
     pub brightness_share: Option<f64>,
     /// Residual of the fit of the fringes, relative to their modulation.
     pub residual_share: Option<f64>,
+    /// Share of the pixels with fringes whose Gray code fits their phase.
+    pub coded_share: Option<f64>,
     /// Median shift of the corners from the first white image to the last, pixels; `None` with one white image.
     pub moved_px: Option<f64>,
     /// Median width of the edges of the board, pixels.
@@ -32,7 +34,7 @@ pub struct ImageSigns {
 }
 
 /// Why a camera's images of a pose are of no use.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoView {
     /// The board is not found.
     #[error(transparent)]
@@ -42,8 +44,8 @@ pub enum NoView {
     Sizes,
 }
 
-/// Finds the board, and around its corners the projector's coordinates. Without `order`, the images are of the board
-/// alone and the first one counts.
+/// Finds the board, and around its corners the projector's coordinates. Without `order`, there is one image, of the board
+/// alone.
 ///
 /// # Errors
 /// [`NoView`].
@@ -58,10 +60,10 @@ pub fn observe(
         return Err(NoView::Sizes);
     }
     let evenly_lit = order.map_or_else(|| vec![0], PatternOrder::evenly_lit);
-    let lit = mean_image(images, &evenly_lit);
-    let corners = corners(&detect(board, &board_image(&lit))?);
+    let corners = corners(board, images, &evenly_lit)?;
     let radii = radii_px(&corners);
-    let mut signs = ImageSigns { edge_width_px: edge_width_px(&lit, &corners, &radii), ..ImageSigns::default() };
+    let lit = images[evenly_lit[0]].levels();
+    let mut signs = ImageSigns { edge_width_px: edge_width_px(lit, size_px, &corners, &radii), ..ImageSigns::default() };
     let mut view = CameraView { corners, patches: Vec::new() };
     let Some(order) = order else { return Ok((view, signs)) };
     signs.moved_px = moved_px(board, images, order);
@@ -80,25 +82,20 @@ impl PatternOrder {
     }
 }
 
-/// The mean of some images, scaled so that its brightest pixel is white: noise averages out, and the detector has all
-/// grey levels.
-fn mean_image(images: &[GreyImage], indices: &[usize]) -> GreyImage {
+/// Finds the corners in the mean of some images, in which noise is small.
+fn corners(board: &Board, images: &[GreyImage], indices: &[usize]) -> Result<Vec<Corner>, NoView> {
     let first = &images[0];
-    let levels: Vec<_> = indices.iter().map(|&i| images[i].levels()).collect();
-    let sums: Vec<f32> =
-        (0..first.width * first.height).map(|i| levels.iter().map(|image| image.grey(i)).sum::<f32>()).collect();
-    let brightest = sums.iter().copied().fold(1.0, f32::max);
-    let pixels = sums.iter().map(|sum| (sum * 255.0 / brightest).round() as u8).collect();
-    GreyImage { width: first.width, height: first.height, format: PixelFormat::Grey, pixels }
-}
-
-fn board_image(image: &GreyImage) -> BoardImage<'_> {
-    BoardImage { width: image.width, height: image.height, pixels: &image.pixels }
-}
-
-fn corners(detections: &[Detection]) -> Vec<Corner> {
-    let corner = |d: &Detection| Corner { feature: d.feature, pixel: Pixel::new(d.pixel[0], d.pixel[1]), sd_px: d.sd_px };
-    detections.iter().map(corner).collect()
+    let levels: Vec<GreyLevels<'_>> = indices.iter().map(|&i| images[i].levels()).collect();
+    let mean = |i: usize| levels.iter().map(|image| image.grey(i)).sum::<f32>() / levels.len() as f32;
+    let means = (0..first.width * first.height).map(mean).collect();
+    let image = BoardImage::of_levels([first.width, first.height], means).ok_or(NoView::Sizes)?;
+    let found = detect(board, &image)?;
+    let corner = |d: &fringeflow_board::Detection| Corner {
+        feature: d.feature,
+        pixel: Pixel::new(d.pixel[0], d.pixel[1]),
+        sd_px: d.sd_px,
+    };
+    Ok(found.iter().map(corner).collect())
 }
 
 /// Half the distance from each corner to its nearest neighbour: windows that do not overlap.
@@ -110,25 +107,23 @@ fn radii_px(corners: &[Corner]) -> Vec<f64> {
     corners.iter().map(|corner| nearest(corner) / 2.0).collect()
 }
 
-fn edge_width_px(lit: &GreyImage, corners: &[Corner], radii_px: &[f64]) -> Option<f64> {
-    let size_px = [lit.width, lit.height];
+fn edge_width_px(lit: GreyLevels<'_>, size_px: [usize; 2], corners: &[Corner], radii_px: &[f64]) -> Option<f64> {
     let widths = corners.iter().zip(radii_px);
-    median(widths.filter_map(|(c, &r)| edges::width_px(lit.levels(), size_px, c.pixel, r)).collect())
+    median(widths.filter_map(|(c, &r)| edges::width_px(lit, size_px, c.pixel, r)).collect())
 }
 
 /// Median shift of the corners between the first and the last white image, pixels.
 fn moved_px(board: &Board, images: &[GreyImage], order: &PatternOrder) -> Option<f64> {
     let [first, .., last] = order.white[..] else { return None };
-    let seen = |index: usize| {
-        let image = mean_image(images, &[index]);
-        detect(board, &board_image(&image)).ok().map(|found| corners(&found))
-    };
-    let (before, after) = (seen(first)?, seen(last)?);
+    let (before, after) = (corners(board, images, &[first]).ok()?, corners(board, images, &[last]).ok()?);
     let shifts = before.iter().filter_map(|corner| {
         let same = after.iter().find(|other| other.feature == corner.feature)?;
-        Some((same.pixel - corner.pixel).norm())
+        Some(same.pixel - corner.pixel)
     });
-    median(shifts.collect())
+    let shifts: Vec<_> = shifts.collect();
+    // The board moves as a whole, so that the medians of both axes have hardly any noise.
+    let axis = |k: usize| median(shifts.iter().map(|shift| shift[k]).collect());
+    Some(axis(0)?.hypot(axis(1)?))
 }
 
 impl ImageSigns {
@@ -142,6 +137,7 @@ impl ImageSigns {
             let levels: Vec<_> = coded.fringes.iter().map(|&i| images[i].levels()).collect();
             gains::deviation_share(&levels, &directions[k].phase, coded.shifts.shifts_rad())
         });
+        self.coded_share = directions.iter().map(Coordinates::coded_share).reduce(f64::min);
         let saturated = directions.iter().map(|d| d.phase.exposure);
         let shares = saturated.map(|e| e.saturated_pixels as f64 / e.lit_pixels.max(1) as f64);
         self.saturated_share = shares.fold(0.0, f64::max);

@@ -69,6 +69,13 @@ impl Devices<'_> {
         candidates.max_by_key(|partners| partners.iter().flatten().count()).unwrap_or_default()
     }
 
+    /// How an image of the second device fits one of the first if both were exchanged, pixels.
+    pub(crate) fn exchanged_px(&self, second_from_first: &Pose, view: usize) -> Option<f64> {
+        let (first, second) = (self.first[view]?, self.second[view]?);
+        let fits = self.turns().map(|turn| self.deviation_px(&(second_from_first * second), &(first * turn)));
+        fits.min_by(f64::total_cmp)
+    }
+
     /// The arrangements for which two images show one pose.
     fn hypotheses(&self, first: usize, second: usize) -> Vec<Pose> {
         let (Some(first), Some(second)) = (self.first[first], self.second[second]) else { return Vec::new() };

@@ -43,7 +43,7 @@ struct Sensitivity {
 }
 
 /// Points of the measurement volume, with the sensitivity of their errors.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Probes {
     points: Vec<(Vector3, Sensitivity)>,
 }

@@ -1,5 +1,6 @@
 //! The subcommands. Each has a module with its arguments and its calls of the library.
 
+mod calibrate;
 mod cameras;
 mod check;
 mod control;
@@ -28,6 +29,14 @@ use crate::globals::Globals;
 /// The subcommands.
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
+    /// Calibrate both cameras and the projector from images of a board under the patterns of the projector.
+    ///
+    /// It writes no file if measurements with it would be wrong, and says why. Example:
+    ///
+    ///   fringeflow calibrate images --board charuco:14x10:square=12:marker=9:dictionary=4x4_250 -o calibration.yml
+    ///
+    /// Exit code 2: the images allow no calibration.
+    Calibrate(calibrate::Args),
     /// List the V4L2 cameras with their formats, sizes, rates and controls.
     ///
     /// For each camera, the list has the line that selects it in a configuration.
@@ -99,6 +108,7 @@ impl Command {
     /// Names an option that would be ignored, and tells why and when it acts.
     pub(crate) fn check_options(&self, command: &clap::Command, matches: &clap::ArgMatches) -> Result<(), String> {
         match self {
+            Self::Calibrate(args) => calibrate::OPTIONS.check(args, command, matches),
             Self::Cameras(args) => cameras::OPTIONS.check(args, command, matches),
             Self::Control(args) => control::OPTIONS.check(args, command, matches),
             Self::Check(args) => check::OPTIONS.check(args, command, matches),
@@ -124,6 +134,7 @@ impl Command {
     /// Runs the subcommand.
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         match self {
+            Self::Calibrate(args) => args.run(),
             Self::Cameras(args) => args.run(),
             Self::Control(args) => args.run(),
             Self::Check(args) => args.run(),
