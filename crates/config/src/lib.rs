@@ -27,6 +27,7 @@ mod health;
 mod max_skew;
 mod monitor;
 mod paths;
+mod pattern_file;
 mod processors;
 mod raw;
 mod renamed_keys;
@@ -44,6 +45,7 @@ use fringeflow::geometry::MeasurementVolume;
 use fringeflow::phase::Validity;
 use fringeflow::reconstruction::Settings;
 use fringeflow_base::text_file::{TextError, read_text};
+use fringeflow_patterns::{NotACycle, PatternError};
 use fringeflow_telemetry::health::HealthLimits;
 
 use raw::{RawConfiguration, RawCorrespondence, RawPhase, RawVolume, checked};
@@ -54,6 +56,7 @@ pub use cameras::{
 pub use extension_units::ExtensionUnitSetting;
 pub use max_skew::recorded_max_skew_ns;
 pub use monitor::{Listen, MonitorConfiguration};
+pub use pattern_file::PatternFile;
 pub use processors::{MemoryLock, ProcessorsConfiguration, SERVICES, ServiceProcessors};
 pub use renamed_keys::rename_former_keys;
 pub use scanner::{
@@ -107,6 +110,18 @@ pub enum ConfigurationProblem {
         value: String,
         /// The valid values.
         expected: &'static str,
+    },
+    /// The file of the patterns cannot be read.
+    #[error("key pattern.file: {0}")]
+    Patterns(#[from] PatternError),
+    /// The file of the patterns has no cycle for scanning.
+    #[error("key pattern.file: {}: {problem}; write one with `fringeflow patterns`", file.display())]
+    NoCycle {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong.
+        #[source]
+        problem: NotACycle,
     },
     /// An unknown word.
     #[error("key {key} is {value:?}; it must be one of {known:?}")]

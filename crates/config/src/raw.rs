@@ -115,11 +115,29 @@ pub(super) struct RawRig {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawPattern {
-    pub(super) steps: usize,
-    pub(super) period_px: f64,
+    pub(super) file: Option<PathBuf>,
+    pub(super) steps: Option<usize>,
+    pub(super) period_px: Option<f64>,
     pub(super) phase_sign: Option<f64>,
     pub(super) phase_offset_rad: Option<f64>,
     pub(super) phase_shift_rad: Option<Vec<f64>>,
+}
+
+impl RawPattern {
+    /// Refuses values beside a file that states them.
+    pub(super) fn refuse_values(&self) -> Result<(), ConfigurationProblem> {
+        let number = |value: Option<f64>| value.map(|value| value.to_string());
+        let stated = [
+            ("pattern.steps", self.steps.map(|steps| steps.to_string())),
+            ("pattern.period_px", number(self.period_px)),
+            ("pattern.phase_sign", number(self.phase_sign)),
+            ("pattern.phase_offset_rad", number(self.phase_offset_rad)),
+            ("pattern.phase_shift_rad", self.phase_shift_rad.as_ref().map(|shifts| format!("{shifts:?}"))),
+        ];
+        let expected = "the file in pattern.file states it already; remove the key";
+        let first = stated.into_iter().find_map(|(key, value)| Some((key, value?)));
+        first.map_or(Ok(()), |(key, value)| Err(ConfigurationProblem::Value { key, value, expected }))
+    }
 }
 
 #[derive(Deserialize)]

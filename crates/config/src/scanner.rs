@@ -16,6 +16,7 @@ use super::cameras::{self, CameraSource};
 use super::max_skew::{self, with_max_skew};
 use super::monitor::{self, MonitorConfiguration};
 use super::paths::in_folder;
+use super::pattern_file::{self, PatternFile};
 use super::processors::{self, ProcessorsConfiguration};
 use super::raw::{RawCameras, RawConfiguration, RawPattern, RawRecorder, checked, one_of};
 use super::virtual_images::virtual_text;
@@ -31,6 +32,8 @@ pub struct ScannerConfiguration {
     pub measurement: Configuration,
     /// Source of rig, pattern and volume; `None` if the caller has them, as in a replay.
     pub rig: Option<RigSource>,
+    /// File that states the fringes, if the configuration names one. The text has its values instead.
+    pub pattern_file: Option<PatternFile>,
     /// File that stores the segment table, if any.
     pub segment_table: Option<PathBuf>,
     /// Source of the images.
@@ -56,7 +59,7 @@ pub struct ScannerConfiguration {
     pub monitor: MonitorConfiguration,
     /// CPUs and memory per service.
     pub processors: ProcessorsConfiguration,
-    /// The text of the configuration file.
+    /// The text of the configuration file, with the fringes of a file that it names.
     pub text: String,
 }
 
@@ -137,6 +140,10 @@ impl ScannerConfiguration {
     /// [`ConfigurationProblem`], which names key and value.
     pub fn parse(text: &str, folder: &Path) -> Result<Self, ConfigurationProblem> {
         let raw = RawConfiguration::parse(text)?;
+        if let Some((pattern, file)) = raw.pattern.as_ref().and_then(|raw| Some((raw, raw.file.as_ref()?))) {
+            let (stated, pattern_file) = pattern_file::with_its_cycle(text, pattern, file, folder)?;
+            return Ok(Self { pattern_file: Some(pattern_file), ..Self::parse(&stated, folder)? });
+        }
         let cameras = raw.cameras.as_ref().ok_or(ConfigurationProblem::Missing {
             key: "cameras",
             expected: "it must be a table with source and rate_hz of the images",
@@ -167,6 +174,7 @@ impl ScannerConfiguration {
             measurement,
             segment_table: segment_table(&raw, folder),
             rig,
+            pattern_file: None,
             readout: readout(cameras, &source)?,
             max_skew_ns: max_skew::max_skew_ns(cameras.max_skew_us, rate_hz)?,
             cameras: source,
@@ -251,6 +259,7 @@ impl ScannerConfiguration {
         let calibration = read_calibration_text(file)?;
         let rig = parse_calibration(&calibration, unit);
         let rig = rig.map_err(|problem| CalibrationError { file: file.to_owned(), problem })?;
+        self.check_projector(&rig)?;
         let description = DatasetDescription {
             name: self.name.clone(),
             unit,
@@ -266,6 +275,17 @@ impl ScannerConfiguration {
             remarks: serde_json::Map::new(),
         };
         self.setup_text_of(description, &rig, Some(calibration))
+    }
+
+    /// Checks that the calibration is for a projector with the size of the patterns.
+    fn check_projector(&self, rig: &Rig) -> Result<(), SetupTextError> {
+        let calibrated_px = [rig.projector.width_px(), rig.projector.height_px()];
+        match &self.pattern_file {
+            Some(PatternFile { file, projector_px }) if *projector_px != calibrated_px => {
+                Err(SetupTextError::Projector { file: file.clone(), projector_px: *projector_px, calibrated_px })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Returns the setup texts for the used part of the images, from the description and the rig of whole images. If
@@ -300,6 +320,20 @@ pub enum SetupTextError {
     /// The calibration file cannot be read.
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
+    /// The patterns are for another projector.
+    #[error(
+        "key pattern.file: {} is for a projector of {} × {} pixels, the calibration for one of {} × {}; name the patterns \
+         of this projector",
+        file.display(), projector_px[0], projector_px[1], calibrated_px[0], calibrated_px[1]
+    )]
+    Projector {
+        /// The patterns.
+        file: PathBuf,
+        /// Their size, pixels.
+        projector_px: [usize; 2],
+        /// Size in the calibration, pixels.
+        calibrated_px: [usize; 2],
+    },
     /// The region or the binning does not fit the images.
     #[error("keys cameras.region_px and cameras.binning: {0}")]
     Readout(#[from] ReadoutError),
@@ -390,12 +424,15 @@ fn pattern(raw: Option<&RawPattern>) -> Result<FringeSequence, ConfigurationProb
         key: "pattern",
         expected: "it must be a table with steps and period_px of the projected fringes",
     })?;
+    let missing =
+        |key| ConfigurationProblem::Missing { key, expected: "give it, or the patterns.toml with it in file" };
+    let steps = raw.steps.ok_or_else(|| missing("pattern.steps"))?;
     let steps =
-        checked("pattern.steps", raw.steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "it must lie between 3 and 16")?;
+        checked("pattern.steps", steps, |v| (MIN_STEPS..=MAX_STEPS).contains(v), "it must lie between 3 and 16")?;
     let pattern = FringePattern {
         period_px: checked(
             "pattern.period_px",
-            raw.period_px,
+            raw.period_px.ok_or_else(|| missing("pattern.period_px"))?,
             |v| v.is_finite() && *v >= 2.0,
             "it must be at least 2 projector pixels",
         )?,

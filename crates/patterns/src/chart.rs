@@ -14,7 +14,7 @@ const RAY_PAIRS: f64 = 36.0;
 /// Grey levels of the wedge.
 const LEVELS: f64 = 17.0;
 /// Brightness of the ground, so that both bright and dark parts stand out.
-const GROUND: f64 = 0.25;
+const GROUND: f64 = 0.22;
 
 /// Returns the brightness of the chart at a pixel, 0 to 1.
 pub(crate) fn brightness(size_px: [usize; 2], column_px: f64, row_px: f64) -> f64 {

@@ -137,7 +137,8 @@ impl Args {
         set.write(&self.output)?;
         let [width, height] = set.output_px();
         let (images, list) = (set.images.len(), self.output.join(PATTERNS_FILE));
-        writeln!(std::io::stdout().lock(), "{}: {images} images of {width} × {height} pixels", list.display())?;
+        let s = if images == 1 { "" } else { "s" };
+        writeln!(std::io::stdout().lock(), "{}: {images} image{s} of {width} × {height} pixels", list.display())?;
         Ok(())
     }
 
