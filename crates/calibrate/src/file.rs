@@ -4,7 +4,7 @@ use fringeflow::calibration::{Unit, calibration_text, push_matrix};
 
 use crate::adjustment::Layout;
 use crate::findings::Finding;
-use crate::lens::INTRINSIC_NAMES;
+use crate::refinement::parameter_names;
 use crate::rig::CalibratedRig;
 
 /// Unit of the lengths in the file.
@@ -34,11 +34,4 @@ pub fn file_text(calibrated: &CalibratedRig, flaws: &[&Finding]) -> Option<Strin
         out += &strings(flaws.iter().map(|flaw| flaw.text.clone()).collect());
     }
     Some(out)
-}
-
-/// Names of the parameters of the rig, in the order of their covariance.
-fn parameter_names() -> Vec<String> {
-    let lenses = ["1", "2", "p"].into_iter().flat_map(|device| INTRINSIC_NAMES.map(|name| format!("{name}_{device}")));
-    let pose = ["rx", "ry", "rz", "tx", "ty", "tz"];
-    lenses.chain(["2", "p"].into_iter().flat_map(|device| pose.map(|name| format!("{name}_{device}")))).collect()
 }

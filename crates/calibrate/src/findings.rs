@@ -128,7 +128,9 @@ pub fn in_images(observed: &Observed) -> Vec<Finding> {
         )
     });
     say(&EDGE_PX, of_all(|s| s.edge_width_px), "blur", &|width| {
-        format!("the images are not sharp: edges of the board are {width:.1} pixels wide; focus the cameras on the board")
+        format!(
+            "the images are not sharp: edges of the board are {width:.1} pixels wide; focus the cameras on the board"
+        )
     });
     say(&SATURATED, of_all(|s| Some(s.saturated_share)), "saturated", &|share| {
         format!("{:.0} % of the pixels with fringes are saturated; use a shorter exposure", 100.0 * share)
@@ -265,8 +267,12 @@ fn other_poses(observed: &Observed, calibrated: &CalibratedRig) -> Vec<Finding> 
     let name = |view: usize| observed.poses[view].name.as_str();
     let finding = |other: &crate::rig::OtherPose| {
         let found = match other.partner {
-            _ if other.exchanged => "; with the cameras exchanged they fit: exchange the images of both cameras".to_owned(),
-            Some(partner) => format!("; what camera 1 sees here, camera 2 sees in {}: exchange the images", name(partner)),
+            _ if other.exchanged => {
+                "; with the cameras exchanged they fit: exchange the images of both cameras".to_owned()
+            }
+            Some(partner) => {
+                format!("; what camera 1 sees here, camera 2 sees in {}: exchange the images", name(partner))
+            }
             None => "; the scanner or the board moved between the two images".to_owned(),
         };
         let text = format!(

@@ -80,7 +80,9 @@ pub enum FolderProblem {
         expected: usize,
     },
     /// An image of the board has no partner.
-    #[error("has no image of camera {other} with the same number; images of both cameras are paired by the number in their name")]
+    #[error(
+        "has no image of camera {other} with the same number; images of both cameras are paired by the number in their name"
+    )]
     Unpaired {
         /// The camera whose image is missing.
         other: usize,
@@ -93,7 +95,8 @@ pub enum FolderProblem {
 /// Endings of files that are images.
 const IMAGE_ENDINGS: [&str; 8] = ["png", "tif", "tiff", "bmp", "pgm", "jpg", "jpeg", "pnm"];
 /// Names of the cameras, in lower case.
-const CAMERA_NAMES: [[&str; 5]; 2] = [["cam1", "camera1", "cam_1", "left", "l"], ["cam2", "camera2", "cam_2", "right", "r"]];
+const CAMERA_NAMES: [[&str; 5]; 2] =
+    [["cam1", "camera1", "cam_1", "left", "l"], ["cam2", "camera2", "cam_2", "right", "r"]];
 
 impl CalibrationFolder {
     /// Finds the images of a folder.

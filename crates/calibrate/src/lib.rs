@@ -20,13 +20,14 @@ pub mod comparison;
 mod file;
 pub mod findings;
 pub mod folder;
-pub mod initial;
 pub mod images;
+pub mod initial;
 mod lens;
 pub mod observations;
 mod observed;
 mod pose_words;
 pub mod quality;
+pub mod refinement;
 mod rig;
 mod shape;
 

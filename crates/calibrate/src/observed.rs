@@ -58,7 +58,8 @@ impl Observed {
             for camera in 0..2 {
                 let ([width, height], [expected_width, expected_height]) = (sizes[camera], sizes_px[camera]);
                 if sizes[camera] != sizes_px[camera] {
-                    let problem = fringeflow_dataset::Problem::ImageSize { width, height, expected_width, expected_height };
+                    let problem =
+                        fringeflow_dataset::Problem::ImageSize { width, height, expected_width, expected_height };
                     return Err(FolderError { path: pose.cameras[camera][0].clone(), problem: problem.into() });
                 }
             }

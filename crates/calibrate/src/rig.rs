@@ -59,7 +59,9 @@ pub enum NoCalibration {
         views: usize,
     },
     /// The views of a device do not determine its lens.
-    #[error("the poses of the board do not determine the lens of {device}: take poses with tilts of 20° to 45° about both axes")]
+    #[error(
+        "the poses of the board do not determine the lens of {device}: take poses with tilts of 20° to 45° about both axes"
+    )]
     NoLens {
         /// The device.
         device: DeviceName,
@@ -183,11 +185,8 @@ fn alone(input: &RigViews, views: &[View], device: usize) -> Result<SingleDevice
         return Err(NoCalibration::TooFewViews { device: name, views: usable });
     }
     let views = images.into_iter().map(|image| if image.len() >= FEWEST_POINTS { image } else { Vec::new() });
-    let device = DeviceViews {
-        features_m: input.features_m.clone(),
-        size_px: input.sizes_px[device],
-        views: views.collect(),
-    };
+    let device =
+        DeviceViews { features_m: input.features_m.clone(), size_px: input.sizes_px[device], views: views.collect() };
     calibrate_device(&device).ok_or(NoCalibration::NoLens { device: name })
 }
 

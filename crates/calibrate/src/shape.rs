@@ -4,20 +4,8 @@ use fringeflow::geometry::Vector3;
 use nalgebra::Vector2;
 
 /// Exponents of x and y of the modes: second to fourth order.
-const MODES: [(i32, i32); 12] = [
-    (2, 0),
-    (1, 1),
-    (0, 2),
-    (3, 0),
-    (2, 1),
-    (1, 2),
-    (0, 3),
-    (4, 0),
-    (3, 1),
-    (2, 2),
-    (1, 3),
-    (0, 4),
-];
+const MODES: [(i32, i32); 12] =
+    [(2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4)];
 
 /// Height of a board over its plane, metres into the board.
 #[derive(Clone, Debug, PartialEq)]

@@ -69,7 +69,13 @@ fn problem(truth: &State, rng: &mut ChaCha8Rng) -> Problem {
                 coefficients[(1, 2)] = 1.5 * 8.0;
                 let patch =
                     PhasePatch { feature, centre: pixel, radius_px: 8.0, coefficients, sd_px: [PHASE_SD_PX / 2.0; 2] };
-                measurements.push(Measurement { view, feature, device, group: device, measured: Measured::Pixel(pixel, CORNER_SD_PX) });
+                measurements.push(Measurement {
+                    view,
+                    feature,
+                    device,
+                    group: device,
+                    measured: Measured::Pixel(pixel, CORNER_SD_PX),
+                });
                 measurements.push(Measurement {
                     view,
                     feature,

@@ -6,7 +6,7 @@ use fringeflow_dataset::GreyImage;
 use super::order::{CodedFringes, PatternOrder};
 
 /// Projector coordinates of one direction at each pixel of a camera, row by row.
-pub(super) struct Coordinates {
+pub(crate) struct Coordinates {
     pub(super) phase: PhaseMap,
     /// Column or row of the projector, pixels; meaningless where not valid.
     position_px: Vec<f32>,
@@ -15,7 +15,7 @@ pub(super) struct Coordinates {
 
 impl Coordinates {
     /// Decodes one direction; `None` if the images have different sizes.
-    pub(super) fn decode(images: &[GreyImage], order: &PatternOrder, direction: &CodedFringes) -> Option<Self> {
+    pub(crate) fn decode(images: &[GreyImage], order: &PatternOrder, direction: &CodedFringes) -> Option<Self> {
         let first = images.first()?;
         let levels = |indices: &[usize]| indices.iter().map(|&i| images[i].levels()).collect::<Vec<_>>();
         let fringes = levels(&direction.fringes);
@@ -38,7 +38,7 @@ impl Coordinates {
     }
 
     /// The coordinate at a pixel, pixels of the projector, with its modulation, grey levels.
-    pub(super) fn at(&self, pixel: usize) -> Option<(f64, f64)> {
+    pub(crate) fn at(&self, pixel: usize) -> Option<(f64, f64)> {
         let modulation = f64::from(self.phase.modulation[pixel].grey());
         self.valid[pixel].then(|| (f64::from(self.position_px[pixel]), modulation))
     }

@@ -5,7 +5,12 @@ use fringeflow_base::grey::GreyLevels;
 
 /// Returns the width of the sharpest edge in a window around a corner, pixels: its contrast over its steepest slope. A
 /// perfect edge has 1. `None` at the border of the image or without contrast.
-pub(super) fn width_px(image: GreyLevels<'_>, [width, height]: [usize; 2], corner: Pixel, radius_px: f64) -> Option<f64> {
+pub(super) fn width_px(
+    image: GreyLevels<'_>,
+    [width, height]: [usize; 2],
+    corner: Pixel,
+    radius_px: f64,
+) -> Option<f64> {
     /// Contrast below which the window shows no edge, grey levels.
     const LEAST_CONTRAST: f32 = 20.0;
     let range = |c: f64, size: usize| {

@@ -10,5 +10,6 @@ mod order;
 mod patch;
 mod view;
 
+pub(crate) use coordinates::Coordinates;
 pub use order::{PatternOrder, PatternOrderError};
 pub use view::{ImageSigns, NoView, observe};

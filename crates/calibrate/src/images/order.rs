@@ -4,9 +4,12 @@ use fringeflow::geometry::FringePattern;
 use fringeflow::phase::{GrayCode, PhaseShifts, ShiftError};
 use fringeflow_patterns::{Direction, Pattern, PatternSet};
 
+/// Name of the images with fringes in messages.
+const FRINGES: &str = "fringes";
+
 /// The fringes of one direction and their Gray code.
 #[derive(Clone, Debug)]
-pub(super) struct CodedFringes {
+pub(crate) struct CodedFringes {
     pub(super) pattern: FringePattern,
     pub(super) shifts: PhaseShifts,
     /// Indices of the fringe images.
@@ -25,16 +28,14 @@ pub struct PatternOrder {
     pub images: usize,
     pub(super) white: Vec<usize>,
     pub(super) black: Option<usize>,
-    /// Columns and rows.
-    pub(super) directions: [CodedFringes; 2],
+    columns: CodedFringes,
+    /// `None` in a set that serves only to find a projector from columns.
+    rows: Option<CodedFringes>,
 }
 
 /// A pattern set does not serve for calibration.
-#[derive(Debug, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PatternOrderError {
-    /// There is no image in which the board is lit evenly.
-    #[error("has no white image; `fringeflow patterns --calibration` makes a set that has all images")]
-    NoWhite,
     /// A direction has no fringes, or no Gray code.
     #[error("has no {what} along the {direction}; `fringeflow patterns --calibration` makes a set that has all images")]
     Missing {
@@ -60,25 +61,40 @@ impl PatternOrder {
     /// # Errors
     /// [`PatternOrderError`]: a kind of image is missing.
     pub fn of(set: &PatternSet) -> Result<Self, PatternOrderError> {
-        let of_kind = |pattern: Pattern| set.images.iter().enumerate().filter(move |(_, p)| **p == pattern).map(|(i, _)| i);
-        let white: Vec<usize> = of_kind(Pattern::White).collect();
-        if white.is_empty() {
-            return Err(PatternOrderError::NoWhite);
-        }
-        let [columns, rows] = Direction::BOTH.map(|direction| CodedFringes::of(set, direction));
+        let of_kind =
+            |pattern: Pattern| set.images.iter().enumerate().filter(move |(_, p)| **p == pattern).map(|(i, _)| i);
+        let rows = match CodedFringes::of(set, Direction::Rows) {
+            Err(PatternOrderError::Missing { what: FRINGES, .. }) => None,
+            rows => Some(rows?),
+        };
         Ok(Self {
             projector_px: set.projector_px,
             images: set.images.len(),
-            white,
+            white: of_kind(Pattern::White).collect(),
             black: of_kind(Pattern::Black).next(),
-            directions: [columns?, rows?],
+            columns: CodedFringes::of(set, Direction::Columns)?,
+            rows,
         })
     }
 
     /// Period of the fringes along the columns, pixels of the projector.
     #[must_use]
     pub fn period_px(&self) -> f64 {
-        self.directions[0].pattern.period_px
+        self.columns.pattern.period_px
+    }
+
+    /// The fringes along the columns.
+    pub(crate) fn columns(&self) -> &CodedFringes {
+        &self.columns
+    }
+
+    /// The fringes of both directions.
+    ///
+    /// # Errors
+    /// [`PatternOrderError::Missing`]: there are none along the rows.
+    pub(super) fn directions(&self) -> Result<[&CodedFringes; 2], PatternOrderError> {
+        let missing = PatternOrderError::Missing { what: FRINGES, direction: Direction::Rows.name() };
+        Ok([&self.columns, self.rows.as_ref().ok_or(missing)?])
     }
 }
 
@@ -101,7 +117,7 @@ impl CodedFringes {
                 _ => {}
             }
         }
-        let pattern = first.ok_or_else(|| missing("fringes"))?;
+        let pattern = first.ok_or_else(|| missing(FRINGES))?;
         if bits.is_empty() {
             return Err(missing("Gray code"));
         }

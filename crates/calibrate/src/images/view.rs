@@ -6,7 +6,7 @@ use fringeflow_board::{Board, BoardImage, NotDetected, detect};
 use fringeflow_dataset::GreyImage;
 
 use super::coordinates::Coordinates;
-use super::order::PatternOrder;
+use super::order::{CodedFringes, PatternOrder, PatternOrderError};
 use super::{edges, gains, patch};
 use crate::observations::{CameraView, Corner, PhasePatch};
 
@@ -39,6 +39,9 @@ pub enum NoView {
     /// The board is not found.
     #[error(transparent)]
     Board(#[from] NotDetected),
+    /// The patterns do not serve for calibration.
+    #[error("patterns.toml {0}")]
+    Patterns(#[from] PatternOrderError),
     /// Images have different sizes or depths.
     #[error("its images have different sizes or depths")]
     Sizes,
@@ -59,25 +62,30 @@ pub fn observe(
     if !images.iter().all(|image| [image.width, image.height] == size_px && image.format == first.format) {
         return Err(NoView::Sizes);
     }
-    let evenly_lit = order.map_or_else(|| vec![0], PatternOrder::evenly_lit);
+    let coded = order.map(|order| order.directions()).transpose()?;
+    let evenly_lit = match (order, &coded) {
+        (Some(order), Some(coded)) => order.evenly_lit(coded),
+        _ => vec![0],
+    };
     let corners = corners(board, images, &evenly_lit)?;
     let radii = radii_px(&corners);
     let lit = images[evenly_lit[0]].levels();
-    let mut signs = ImageSigns { edge_width_px: edge_width_px(lit, size_px, &corners, &radii), ..ImageSigns::default() };
+    let mut signs =
+        ImageSigns { edge_width_px: edge_width_px(lit, size_px, &corners, &radii), ..ImageSigns::default() };
     let mut view = CameraView { corners, patches: Vec::new() };
-    let Some(order) = order else { return Ok((view, signs)) };
+    let (Some(order), Some(coded)) = (order, coded) else { return Ok((view, signs)) };
     signs.moved_px = moved_px(board, images, order);
-    let [columns, rows] = [0, 1].map(|k| Coordinates::decode(images, order, &order.directions[k]));
+    let [columns, rows] = coded.map(|coded| Coordinates::decode(images, order, coded));
     let directions = [columns.ok_or(NoView::Sizes)?, rows.ok_or(NoView::Sizes)?];
-    signs.add_fringes(images, order, &directions);
+    signs.add_fringes(images, coded, &directions);
     view.patches = patches(&directions, size_px, &view.corners, &radii);
     Ok((view, signs))
 }
 
 impl PatternOrder {
     /// The images whose mean shows the board evenly lit: the shifted fringes of a period cancel.
-    fn evenly_lit(&self) -> Vec<usize> {
-        let fringes = self.directions.iter().flat_map(|direction| direction.fringes.iter().copied());
+    fn evenly_lit(&self, coded: &[&CodedFringes; 2]) -> Vec<usize> {
+        let fringes = coded.iter().flat_map(|direction| direction.fringes.iter().copied());
         self.white.iter().copied().chain(fringes).collect()
     }
 }
@@ -127,15 +135,14 @@ fn moved_px(board: &Board, images: &[GreyImage], order: &PatternOrder) -> Option
 }
 
 impl ImageSigns {
-    fn add_fringes(&mut self, images: &[GreyImage], order: &PatternOrder, directions: &[Coordinates; 2]) {
+    fn add_fringes(&mut self, images: &[GreyImage], coded: [&CodedFringes; 2], directions: &[Coordinates; 2]) {
         let largest = |values: [Option<f64>; 2]| values.into_iter().flatten().reduce(f64::max);
         let of_both = |of: &dyn Fn(usize) -> Option<f64>| largest([of(0), of(1)]);
         self.second_harmonic_share = of_both(&|k| directions[k].phase.harmonics.second_share.map(f64::from));
         self.residual_share = of_both(&|k| directions[k].phase.fit.residual_share.map(f64::from));
         self.brightness_share = of_both(&|k| {
-            let coded = &order.directions[k];
-            let levels: Vec<_> = coded.fringes.iter().map(|&i| images[i].levels()).collect();
-            gains::deviation_share(&levels, &directions[k].phase, coded.shifts.shifts_rad())
+            let levels: Vec<_> = coded[k].fringes.iter().map(|&i| images[i].levels()).collect();
+            gains::deviation_share(&levels, &directions[k].phase, coded[k].shifts.shifts_rad())
         });
         self.coded_share = directions.iter().map(Coordinates::coded_share).reduce(f64::min);
         let saturated = directions.iter().map(|d| d.phase.exposure);
@@ -144,7 +151,12 @@ impl ImageSigns {
     }
 }
 
-fn patches(directions: &[Coordinates; 2], size_px: [usize; 2], corners: &[Corner], radii_px: &[f64]) -> Vec<PhasePatch> {
+fn patches(
+    directions: &[Coordinates; 2],
+    size_px: [usize; 2],
+    corners: &[Corner],
+    radii_px: &[f64],
+) -> Vec<PhasePatch> {
     let windows = corners.iter().zip(radii_px).filter(|(_, radius_px)| **radius_px >= LEAST_RADIUS_PX);
     windows.filter_map(|(c, &radius_px)| patch::fit(directions, size_px, c.feature, c.pixel, radius_px)).collect()
 }

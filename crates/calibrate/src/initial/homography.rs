@@ -29,7 +29,7 @@ pub(crate) fn homography(pairs: &[(Vector2<f64>, Pixel)]) -> Option<Matrix3<f64>
 }
 
 /// The direction in which a matrix is smallest.
-pub(super) fn smallest_direction(matrix: DMatrix<f64>) -> Option<Vec<f64>> {
+pub(crate) fn smallest_direction(matrix: DMatrix<f64>) -> Option<Vec<f64>> {
     let svd = matrix.try_svd(false, true, f64::EPSILON, 1000)?;
     let v_t = svd.v_t?;
     let row = v_t.row(svd.singular_values.imin());
@@ -45,4 +45,3 @@ fn normalization(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option<M
     let shift = -mean * scale;
     scale.is_finite().then(|| Matrix3::new(scale, 0.0, shift.x, 0.0, scale, shift.y, 0.0, 0.0, 1.0))
 }
-

@@ -44,10 +44,9 @@ pub(super) fn with_principal_point(homographies: &[Matrix3<f64>], principal_px: 
         let h = unit_scale(&(shift * homography));
         let [a, b] = [h.column(0), h.column(1)];
         // aᵀωb = 0 and aᵀωa = bᵀωb with ω = diag(1/f², 1/f², 1): linear in 1/f².
-        for (across, along) in [
-            (a.x * b.x + a.y * b.y, a.z * b.z),
-            (a.x * a.x + a.y * a.y - b.x * b.x - b.y * b.y, a.z * a.z - b.z * b.z),
-        ] {
+        for (across, along) in
+            [(a.x * b.x + a.y * b.y, a.z * b.z), (a.x * a.x + a.y * a.y - b.x * b.x - b.y * b.y, a.z * a.z - b.z * b.z)]
+        {
             numerator -= across * along;
             denominator += across * across;
         }

@@ -5,6 +5,7 @@ mod homography;
 mod intrinsics;
 mod single;
 
-pub use arrangement::{Arrangement, ViewPose};
 pub(crate) use arrangement::Devices;
+pub use arrangement::{Arrangement, ViewPose};
+pub(crate) use homography::smallest_direction;
 pub use single::{DeviceViews, PlaneImage, SingleDevice, calibrate_device};

@@ -1,13 +1,13 @@
 //! Expected errors of measurements with a calibration: depth, distance from the epipolar line, and δ.
 //!
 //! In: the covariance of the rig's parameters and points of the measurement volume. Out: standard deviations. A small
-//! error of the parameters moves the point that both cameras triangulate (least squares of both images), and with it the
-//! column of the projector that it should have. All is linear in the error, so the covariance carries over.
+//! error of the parameters moves the point that both cameras triangulate, and with it the column of the projector that it
+//! should have. All is linear in the error, so the covariance carries over.
 
 use std::f64::consts::TAU;
 
 use fringeflow::geometry::{Pose, Vector3};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix4x3, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
 
 use crate::adjustment::{Layout, POSE, State};
 use crate::lens::{INTRINSICS, Imaged};
@@ -55,7 +55,9 @@ impl Probes {
     pub fn between_poses(state: &State, sizes_px: &[[usize; 2]]) -> Self {
         let mut depths_m: Vec<f64> = state.boards.iter().map(|board| board.translation.z).collect();
         depths_m.sort_by(f64::total_cmp);
-        let (Some(near_m), Some(far_m)) = (depths_m.first(), depths_m.last()) else { return Self { points: Vec::new() } };
+        let (Some(near_m), Some(far_m)) = (depths_m.first(), depths_m.last()) else {
+            return Self { points: Vec::new() };
+        };
         let camera = state.devices[0].lens.camera(sizes_px[0]);
         let share = |k: usize, of: usize| (k as f64 + 0.5) / of as f64;
         let mut points = Vec::new();
@@ -121,6 +123,13 @@ impl Probes {
     }
 }
 
+/// Derivative of the projector's column at the triangulated point with respect to the rig's parameters; `None` behind a
+/// device.
+pub(crate) fn column_sensitivity(state: &State, point: &Vector3) -> Option<DVector<f64>> {
+    let seen = [image(state, 0, point)?, image(state, 1, point)?, image(state, 2, point)?];
+    Some(sensitivity(state, &seen)?.column_px)
+}
+
 /// A point as a device images it.
 struct Seen {
     device: usize,
@@ -168,28 +177,25 @@ impl Seen {
 
 fn sensitivity(state: &State, [cam1, cam2, projector]: &[Seen; 3]) -> Option<Sensitivity> {
     let layout = Layout::of(state);
-    let mut by_point = Matrix4x3::zeros();
-    by_point.fixed_rows_mut::<2>(0).copy_from(&cam1.by_point());
-    by_point.fixed_rows_mut::<2>(2).copy_from(&cam2.by_point());
-    let mut by_rig = DMatrix::zeros(4, layout.rig());
+    let (in_cam1, in_cam2) = (cam1.by_point(), cam2.by_point());
+    // C1's frame is the first, so the turned point is the point itself, and the direction of C1's ray.
+    let along = in_cam2 * cam1.turned;
+    // The triangulated point is the one of C1's ray next to C2's ray, so its image in C1 stays, and that in C2 moves
+    // across this direction only.
+    let next = along.transpose() * (in_cam2 * in_cam2.transpose()).try_inverse()?;
+    let mut held = Matrix3::zeros();
+    held.fixed_rows_mut::<2>(0).copy_from(&in_cam1);
+    held.fixed_rows_mut::<1>(2).copy_from(&(next * in_cam2));
+    let cam2_by_rig = cam2.by_rig(&layout);
+    let mut by_rig = DMatrix::zeros(3, layout.rig());
     by_rig.rows_mut(0, 2).copy_from(&cam1.by_rig(&layout));
-    by_rig.rows_mut(2, 2).copy_from(&cam2.by_rig(&layout));
-    let inverse = (by_point.transpose() * by_point).try_inverse()?;
-    // The triangulated point moves so that the images stay where they are, as nearly as they can.
-    let moved = -(inverse * by_point.transpose()) * &by_rig;
-    let remaining = by_point * &moved + &by_rig;
-    let along = cam2.by_point() * cam1_ray(cam1);
+    by_rig.row_mut(2).copy_from(&(next * &cam2_by_rig));
+    let moved = -held.try_inverse()? * by_rig;
     let across = Vector2::new(-along.y, along.x).try_normalize(0.0)?;
-    let column = projector.by_point() * &moved + projector.by_rig(&layout);
+    let in_projector = projector.by_point() * &moved + projector.by_rig(&layout);
     Some(Sensitivity {
         depth_mm: moved.row(2).transpose() * 1e3,
-        // Least squares shares the distance from the epipolar line between the images; C2 sees all of it.
-        epipolar_px: (remaining.rows(2, 2).transpose() * across) * 2.0,
-        column_px: column.row(0).transpose(),
+        epipolar_px: (in_cam2 * &moved + cam2_by_rig).transpose() * across,
+        column_px: in_projector.row(0).transpose(),
     })
-}
-
-/// Direction of C1's ray through the point. C1's frame is the first, so the turned point is the point itself.
-fn cam1_ray(cam1: &Seen) -> Vector3 {
-    cam1.turned
 }

@@ -123,8 +123,14 @@ impl Args {
             }
         }
         let scan = expected_scan(&observed, &assessment);
-        let outcome =
-            Outcome { folder: &self.folder, board: &board, observed: &observed, assessment: &assessment, changes, scan };
+        let outcome = Outcome {
+            folder: &self.folder,
+            board: &board,
+            observed: &observed,
+            assessment: &assessment,
+            changes,
+            scan,
+        };
         if let Some(path) = &self.report {
             write_atomically(path, |out| out.write_all(page::page(&outcome).as_bytes()))?;
         }
@@ -143,7 +149,8 @@ impl Args {
             Ok(calibrated) if flaws.is_empty() || self.force => file_text(calibrated, &flaws),
             Ok(_) | Err(_) => {
                 let why = flaws.first().map_or_else(String::new, |flaw| format!(": {}", flaw.text));
-                let more = if flaws.len() > 1 { format!(" ({} more causes above)", flaws.len() - 1) } else { String::new() };
+                let more =
+                    if flaws.len() > 1 { format!(" ({} more causes above)", flaws.len() - 1) } else { String::new() };
                 let what = format!("no calibration is written{why}{more}");
                 return Err(Failure::NotMeasurable(what));
             }
@@ -169,7 +176,9 @@ fn exchanged(old: Option<&Path>) -> Finding {
     Finding {
         severity: Severity::Refusal,
         cause: "cameras exchanged",
-        text: format!("the cameras are exchanged: camera 1 of these images is camera 2 of {old}; exchange cam1 and cam2"),
+        text: format!(
+            "the cameras are exchanged: camera 1 of these images is camera 2 of {old}; exchange cam1 and cam2"
+        ),
     }
 }
 
@@ -196,11 +205,7 @@ fn expected_scan(observed: &Observed, assessment: &Assessment) -> Option<Expecte
     let calibration = CalibrationQuality::SdRad(expected.delta_rad(period_px));
     let assumptions = Assumptions { steps: STEPS, calibration, ..Assumptions::default() };
     let figures = report(&setup, &assumptions, REPORT_GRID_PX).ok()?.evaluation.figures();
-    Some(ExpectedScan {
-        volume_mm,
-        delta_sd_rad: figures.sd_rad,
-        expected_false_candidates: figures.efc,
-    })
+    Some(ExpectedScan { volume_mm, delta_sd_rad: figures.sd_rad, expected_false_candidates: figures.efc })
 }
 
 /// The box that all devices see at the nearest and at the farthest depth, millimetres.

@@ -74,7 +74,12 @@ fn poses(out: &mut String, outcome: &Outcome<'_>, calibrated: &CalibratedRig) {
     for (view, pose) in outcome.observed.poses.iter().enumerate() {
         let _ = write!(out, "<tr><td>{}</td>", escaped(&pose.name));
         for device in 0..devices {
-            let of_device = calibrated.problem.measurements.iter().enumerate().filter(|(_, m)| m.view == view && m.measures(device));
+            let of_device = calibrated
+                .problem
+                .measurements
+                .iter()
+                .enumerate()
+                .filter(|(_, m)| m.view == view && m.measures(device));
             let (mut square, mut used, mut left_out) = (0.0, 0_usize, 0_usize);
             for (k, _) in of_device {
                 match calibrated.adjusted.residuals_px[k] {
@@ -88,9 +93,11 @@ fn poses(out: &mut String, outcome: &Outcome<'_>, calibrated: &CalibratedRig) {
             let rms = if used > 0 { format!("{:.3}", (square / used as f64).sqrt()) } else { "–".to_owned() };
             let _ = write!(out, "<td>{rms}</td><td>{used}</td><td>{left_out}</td>");
         }
-        let remarks = pose.cameras.iter().enumerate().filter_map(|(camera, seen)| {
-            Some(format!("{}: {}", DeviceName::of(camera), seen.as_ref().err()?))
-        });
+        let remarks = pose
+            .cameras
+            .iter()
+            .enumerate()
+            .filter_map(|(camera, seen)| Some(format!("{}: {}", DeviceName::of(camera), seen.as_ref().err()?)));
         let _ = write!(out, "<td>{}</td></tr>", escaped(&remarks.collect::<Vec<_>>().join("; ")));
     }
     *out += "</table>";

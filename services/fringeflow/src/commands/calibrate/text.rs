@@ -25,7 +25,13 @@ pub(super) fn write_figures(out: &mut impl Write, outcome: &Outcome<'_>) -> io::
     let (Ok(calibrated), Some(quality)) = (&outcome.assessment.calibrated, &outcome.assessment.quality) else {
         return Ok(());
     };
-    writeln!(out, "Calibration of {} from {} poses of {}", outcome.folder.display(), outcome.observed.poses.len(), outcome.board)?;
+    writeln!(
+        out,
+        "Calibration of {} from {} poses of {}",
+        outcome.folder.display(),
+        outcome.observed.poses.len(),
+        outcome.board
+    )?;
     devices(out, calibrated, quality)?;
     arrangement(out, calibrated)?;
     expected(out, outcome, quality)?;
@@ -140,8 +146,12 @@ fn expected(out: &mut impl Write, outcome: &Outcome<'_>, quality: &Quality) -> i
 pub(super) fn devices_json(calibrated: &CalibratedRig, quality: Option<&Quality>) -> serde_json::Value {
     let Some(quality) = quality else { return serde_json::Value::Null };
     let device = |line: DeviceLine| {
-        let values: serde_json::Map<_, _> =
-            line.lens.iter().zip(INTRINSIC_NAMES).map(|((value, _), name)| (name.to_owned(), (*value).into())).collect();
+        let values: serde_json::Map<_, _> = line
+            .lens
+            .iter()
+            .zip(INTRINSIC_NAMES)
+            .map(|((value, _), name)| (name.to_owned(), (*value).into()))
+            .collect();
         let sds: serde_json::Map<_, _> =
             line.lens.iter().zip(INTRINSIC_NAMES).map(|((_, sd), name)| (name.to_owned(), (*sd).into())).collect();
         serde_json::json!({
