@@ -11,6 +11,7 @@ use fringeflow_config::ConfigurationError;
 use fringeflow_dataset::{DatasetError, Problem};
 use fringeflow_lab::evaluation::GrayReferenceError;
 use fringeflow_patterns::{PatternError, PatternProblem};
+use fringeflow_projector::ProjectorError;
 use fringeflow_recording::{ExportError, ImportError, RecordingError, RecordingProblem};
 use fringeflow_replay::ReplayError;
 use fringeflow_runtime::{ArgumentError, ServiceError};
@@ -71,6 +72,9 @@ pub(crate) enum Failure {
     /// Patterns cannot be read or written.
     #[error(transparent)]
     Patterns(#[from] PatternError),
+    /// Patterns cannot be shown.
+    #[error(transparent)]
+    Projector(ProjectorError),
     /// A cloud could not be written.
     #[error(transparent)]
     Cloud(#[from] CloudWriteError),
@@ -103,6 +107,7 @@ impl Failure {
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Patterns(PatternError { problem: PatternProblem::Unwritable(_), .. }) => 1,
             Self::Patterns(_) => 2,
+            Self::Projector(error) => 1 + u8::from(error.is_lasting()),
             Self::Usage(_) | Self::Dataset(_) | Self::Calibration(_) | Self::Configuration(_) => 2,
             Self::SegmentFile(SegmentFileError::Unusable { .. } | SegmentFileError::Table(_)) => 2,
             Self::Cloud(CloudWriteError::UnknownFormat { .. }) => 2,

@@ -12,6 +12,7 @@ mod import;
 mod info;
 mod latency;
 mod patterns;
+mod project;
 mod reconstruct;
 mod recover;
 mod replay;
@@ -76,6 +77,12 @@ pub(crate) enum Command {
     ///
     ///   fringeflow patterns --calibration --size 1280x800 --rotate 180 --output patterns
     Patterns(patterns::Args),
+    /// Show patterns on a projector that is a second monitor, and announce each to a running instance.
+    ///
+    /// Needs X11, which tells when an image was shown. Ctrl-C ends it.
+    ///
+    /// Exit code 3: some patterns were not shown in their time.
+    Project(project::Args),
     /// Reconstruct a point cloud from the images of a dataset folder or a recording.
     Reconstruct(reconstruct::Args),
     /// Recover a truncated, damaged or unfinished recording: write everything readable to a new one.
@@ -120,6 +127,7 @@ impl Command {
             Self::Info(args) => info::OPTIONS.check(args, command, matches),
             Self::Latency(args) => latency::OPTIONS.check(args, command, matches),
             Self::Patterns(args) => patterns::OPTIONS.check(args, command, matches),
+            Self::Project(args) => project::OPTIONS.check(args, command, matches),
             Self::Reconstruct(args) => reconstruct::OPTIONS.check(args, command, matches),
             Self::Recover(args) => recover::OPTIONS.check(args, command, matches),
             Self::Replay(args) => replay::OPTIONS.check(args, command, matches),
@@ -146,6 +154,7 @@ impl Command {
             Self::Info(args) => args.run(),
             Self::Latency(args) => args.run(),
             Self::Patterns(args) => args.run(),
+            Self::Project(args) => args.run(globals),
             Self::Reconstruct(args) => args.run(),
             Self::Recover(args) => args.run(),
             Self::Replay(args) => args.run(globals),
