@@ -24,6 +24,8 @@
 
 mod board;
 mod detect;
+mod sheet;
 
 pub use board::{Board, BoardError, Marker, Pattern, Tags};
 pub use detect::{BoardImage, Detection, NotDetected, detect};
+pub use sheet::{Page, Sheet, SheetError, UnknownPage};

@@ -250,7 +250,9 @@ impl Board {
             return false;
         }
         match &self.pattern {
-            Pattern::Chessboard { square_mm, .. } => ((x / square_mm) as usize + (y / square_mm) as usize) % 2 == 0,
+            Pattern::Chessboard { square_mm, .. } => {
+                ((x / square_mm) as usize + (y / square_mm) as usize).is_multiple_of(2)
+            }
             Pattern::Charuco { squares: [nx, _], square_mm, marker_mm, dictionary } => {
                 let (i, j) = ((x / square_mm) as usize, (y / square_mm) as usize);
                 let inset = (square_mm - marker_mm) / 2.0;

@@ -1,5 +1,6 @@
 //! The subcommands. Each has a module with its arguments and its calls of the library.
 
+mod board;
 mod calibrate;
 mod cameras;
 mod check;
@@ -30,6 +31,12 @@ use crate::globals::Globals;
 /// The subcommands.
 #[derive(clap::Subcommand)]
 pub(crate) enum Command {
+    /// Draw a calibration board to print, or look for it in an image.
+    ///
+    /// Example:
+    ///
+    ///   fringeflow board charuco:14x10:square=12:marker=9:dictionary=4x4_250 -o board.pdf
+    Board(board::Args),
     /// Calibrate both cameras and the projector from images of a board under the patterns of the projector.
     ///
     /// It writes no file if measurements with it would be wrong, and says why. Example:
@@ -115,6 +122,7 @@ impl Command {
     /// Names an option that would be ignored, and tells why and when it acts.
     pub(crate) fn check_options(&self, command: &clap::Command, matches: &clap::ArgMatches) -> Result<(), String> {
         match self {
+            Self::Board(args) => board::OPTIONS.check(args, command, matches),
             Self::Calibrate(args) => calibrate::OPTIONS.check(args, command, matches),
             Self::Cameras(args) => cameras::OPTIONS.check(args, command, matches),
             Self::Control(args) => control::OPTIONS.check(args, command, matches),
@@ -142,6 +150,7 @@ impl Command {
     /// Runs the subcommand.
     pub(crate) fn run(&self, globals: &Globals) -> Result<(), Failure> {
         match self {
+            Self::Board(args) => args.run(),
             Self::Calibrate(args) => args.run(),
             Self::Cameras(args) => args.run(),
             Self::Control(args) => args.run(),

@@ -26,6 +26,8 @@ const fn form(command: &'static str, arguments: &'static str) -> Form {
 const WITHOUT_PRIOR: &[[&str; 2]] = &[["--steps", "--no-prior"], ["--resolution", "--no-prior"]];
 
 pub(crate) const FORMS: &[Form] = &[
+    form("board", "chessboard:9x6:square=20 --output board.svg"),
+    form("board", "chessboard:9x6:square=20 --json"),
     Form { command: "reconstruct", arguments: "SET --output cloud.ply", exceptions: WITHOUT_PRIOR },
     form("reconstruct", "SET --output cloud.ply --method egc"),
     // The pictures show changes that the rounded figures hide.
@@ -117,6 +119,8 @@ const SCANNER: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 50\nstereo_layout
 /// Returns an option with a value that the command accepts, and that differs from the default one.
 pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> {
     let value = match (form.command, option) {
+        ("board", "--page") => "a3",
+        ("board", "--find") => "BOARD",
         ("evaluate" | "reconstruct", "--method") => "cgc",
         ("evaluate", "--against") => "gray",
         ("export", "--format") => "npz",
