@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use crate::geometry::{Camera, Distortion, EpipolarError, EpipolarFrame, Pixel, Pose, Rig, Vector3};
 
 use super::file_storage::{Fields, Matrix};
-use super::{CalibrationProblem, Mistake, Unit, other_origin};
+use super::{CalibrationProblem, Cameras, Mistake, Unit, other_origin};
 
 /// Largest deviation of R·Rᵀ from the identity; files carry 8 or more digits.
 const ROTATION_TOLERANCE: f64 = 1e-5;
@@ -35,16 +35,23 @@ const CAM1: CameraFields = CameraFields { matrix: "K1", distortion: "D1", size: 
 const CAM2: CameraFields = CameraFields { matrix: "K2", distortion: "D2", size: "size2" };
 const PROJECTOR: CameraFields = CameraFields { matrix: "Kp", distortion: "Dp", size: "sizep" };
 
-/// Builds the rig, in metres, from matrices in `unit`.
-pub(super) fn rig(fields: &Fields, unit: Unit) -> Result<Rig, CalibrationProblem> {
-    let rig = Rig {
+/// Builds both cameras, in metres, from matrices in `unit`.
+pub(super) fn cameras(fields: &Fields, unit: Unit) -> Result<Cameras, CalibrationProblem> {
+    let cameras = Cameras {
         cam1: camera(fields, &CAM1)?,
         cam2: camera(fields, &CAM2)?,
-        projector: camera(fields, &PROJECTOR)?,
         cam2_from_cam1: pose(fields, "R2", "T2", unit)?,
-        projector_from_cam1: pose(fields, "Rp", "Tp", unit)?,
     };
-    check_base(&rig, unit)?;
+    check_base(&cameras, unit)?;
+    Ok(cameras)
+}
+
+/// Builds the rig, in metres, from matrices in `unit`.
+pub(super) fn rig(fields: &Fields, unit: Unit) -> Result<Rig, CalibrationProblem> {
+    let Cameras { cam1, cam2, cam2_from_cam1 } = cameras(fields, unit)?;
+    let projector = camera(fields, &PROJECTOR)?;
+    let projector_from_cam1 = pose(fields, "Rp", "Tp", unit)?;
+    let rig = Rig { cam1, cam2, projector, cam2_from_cam1, projector_from_cam1 };
     check_projector_base(&rig)?;
     check_views(&rig)?;
     Ok(rig)
@@ -166,8 +173,8 @@ fn pose(
 }
 
 /// The base must have the length of a scanner.
-fn check_base(rig: &Rig, unit: Unit) -> Result<(), CalibrationProblem> {
-    let base_m = rig.cam2_from_cam1.translation.vector.norm();
+fn check_base(cameras: &Cameras, unit: Unit) -> Result<(), CalibrationProblem> {
+    let base_m = cameras.cam2_from_cam1.translation.vector.norm();
     if !BASE_RANGE_M.contains(&base_m) {
         let what = format!(
             "cameras 1 and 2 are {base_m} m apart (unit {}); plausible are {} to {} m: check T2 and the unit",
@@ -258,6 +265,21 @@ fn square(fields: &Fields, field: &'static str) -> Result<Vec<f64>, CalibrationP
         )),
         _ => Err(shape_error(field, &matrix, "3×3")),
     }
+}
+
+/// A square matrix of any size, row by row; `None` without the field.
+pub(super) fn optional_square(
+    fields: &Fields,
+    field: &'static str,
+) -> Result<Option<(usize, Vec<f64>)>, CalibrationProblem> {
+    if !fields.contains_key(field) {
+        return Ok(None);
+    }
+    let matrix = matrix(fields, field, "a square matrix")?;
+    if matrix.rows != matrix.cols || matrix.values.len() != matrix.rows * matrix.cols {
+        return Err(shape_error(field, &matrix, "a square matrix"));
+    }
+    Ok(Some((matrix.rows, matrix.values)))
 }
 
 /// The matrix of a field, all its values finite.

@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 
 use fringeflow_base::text_file::{TextError, read_text};
 
-use crate::geometry::Rig;
+use crate::geometry::{Camera, Pose, Rig};
 
 pub use mistakes::{LikelyMistake, Mistake, likely_mistake};
 pub use unit::{Unit, UnknownUnit};
-pub use write::{calibration_text, push_matrix, write_calibration};
+pub use write::{calibration_text, cameras_text, push_matrix, write_calibration};
 
 /// Why a calibration was refused.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +33,17 @@ pub struct CalibrationError {
     /// What is wrong with it.
     #[source]
     pub problem: CalibrationProblem,
+}
+
+/// Both cameras of a rig whose projector is not calibrated yet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cameras {
+    /// Camera 1.
+    pub cam1: Camera,
+    /// Camera 2.
+    pub cam2: Camera,
+    /// `x_cam2 = R2 · x_cam1 + T2`, metres.
+    pub cam2_from_cam1: Pose,
 }
 
 /// What is wrong with a calibration file.
@@ -200,6 +211,27 @@ fn size_remedy(calibrated_px: [usize; 2], [width, height]: [usize; 2]) -> &'stat
 pub fn read_calibration(path: &Path, unit: Unit) -> Result<Rig, CalibrationError> {
     let parsed = parse_calibration(&read_calibration_text(path)?, unit);
     parsed.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
+}
+
+/// Reads both cameras of a calibration file, whether or not it holds a projector. `unit` is the unit of `T2`.
+///
+/// # Errors
+/// [`CalibrationError`], as [`read_calibration`].
+pub fn read_cameras(path: &Path, unit: Unit) -> Result<Cameras, CalibrationError> {
+    let text = read_calibration_text(path)?;
+    let cameras = file_storage::parse(&text).and_then(|fields| check::cameras(&fields, unit));
+    cameras.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
+}
+
+/// Reads a square matrix that a calibration file may hold beside its calibration, row by row, such as the covariance of its
+/// parameters; `None` if the file has no such field.
+///
+/// # Errors
+/// [`CalibrationError`]: the file cannot be read, or the field is no square matrix of finite numbers.
+pub fn read_square(path: &Path, field: &'static str) -> Result<Option<(usize, Vec<f64>)>, CalibrationError> {
+    let text = read_calibration_text(path)?;
+    let square = file_storage::parse(&text).and_then(|fields| check::optional_square(&fields, field));
+    square.map_err(|problem| CalibrationError { file: path.to_owned(), problem })
 }
 
 /// Reads the text of a calibration file without checking it.

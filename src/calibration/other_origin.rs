@@ -73,6 +73,12 @@ pub(super) fn hint(fields: &Fields) -> String {
             "; this is {kind}: {names}; it lacks {lacks}: calibrate these too, and write all into one file"
         );
     }
+    if ["K1", "K2", "R2", "T2"].iter().all(|name| fields.contains_key(*name)) && !fields.contains_key("Kp") {
+        return format!(
+            "; this file holds both cameras and lacks {PROJECTOR}: `fringeflow calibrate --refine SCENE --from FILE` finds \
+             the projector"
+        );
+    }
     let holds_ours = |node: &Node| ["K1", "D1", "size1"].iter().any(|name| node.field(name).is_some());
     match fields.iter().find(|(_, node)| holds_ours(node)) {
         Some((name, _)) => format!("; its fields lie inside {name}: write them at the top level"),

@@ -8,7 +8,7 @@ use fringeflow_base::atomic_file::{WriteError, write_atomically};
 
 use crate::geometry::{Camera, Pose, Rig};
 
-use super::Unit;
+use super::{Cameras, Unit};
 
 /// Writes a calibration file with translations in `unit`. [`super::read_calibration`] reads the same rig back.
 ///
@@ -21,13 +21,20 @@ pub fn write_calibration(path: &Path, rig: &Rig, unit: Unit) -> Result<(), Write
 /// The text that [`write_calibration`] writes.
 #[must_use]
 pub fn calibration_text(rig: &Rig, unit: Unit) -> String {
+    let cameras = [("1", &rig.cam1), ("2", &rig.cam2), ("p", &rig.projector)];
+    text_of(&cameras, &[("2", &rig.cam2_from_cam1), ("p", &rig.projector_from_cam1)], unit)
+}
+
+/// The text of a file of both cameras. [`super::read_cameras`] reads them back.
+#[must_use]
+pub fn cameras_text(cameras: &Cameras, unit: Unit) -> String {
+    text_of(&[("1", &cameras.cam1), ("2", &cameras.cam2)], &[("2", &cameras.cam2_from_cam1)], unit)
+}
+
+fn text_of(cameras: &[(&str, &Camera)], poses: &[(&str, &Pose)], unit: Unit) -> String {
     let mut out = String::from("%YAML:1.0\n---\n");
-    for (suffix, camera) in [("1", &rig.cam1), ("2", &rig.cam2), ("p", &rig.projector)] {
-        push_camera(&mut out, suffix, camera);
-    }
-    for (suffix, pose) in [("2", &rig.cam2_from_cam1), ("p", &rig.projector_from_cam1)] {
-        push_pose(&mut out, suffix, pose, unit);
-    }
+    cameras.iter().for_each(|(suffix, camera)| push_camera(&mut out, suffix, camera));
+    poses.iter().for_each(|(suffix, pose)| push_pose(&mut out, suffix, pose, unit));
     out
 }
 

@@ -4,9 +4,11 @@
 //! three standard deviations of the new calibration is said to be none.
 
 use fringeflow::geometry::{Camera, Pose, Rig};
+use nalgebra::DMatrix;
 
 use crate::adjustment::{Layout, PROJECTOR};
-use crate::rig::{CalibratedRig, DeviceName};
+use crate::refinement::state_of;
+use crate::rig::DeviceName;
 
 /// Standard deviations within which a change is noise.
 const SIGNIFICANT_SDS: f64 = 3.0;
@@ -35,12 +37,11 @@ impl std::fmt::Display for Change {
     }
 }
 
-/// The significant changes, device by device.
+/// The significant changes, device by device. `covariance` is that of the parameters of the new rig.
 #[must_use]
-pub fn changes(old: &Rig, calibrated: &CalibratedRig) -> Vec<Change> {
-    let Some(new) = calibrated.rig() else { return Vec::new() };
-    let layout = Layout::of(&calibrated.adjusted.state);
-    let sd = |parameter: usize| calibrated.adjusted.sd(parameter);
+pub fn changes(old: &Rig, new: &Rig, covariance: &DMatrix<f64>) -> Vec<Change> {
+    let layout = Layout::of(&state_of(new));
+    let sd = |parameter: usize| covariance[(parameter, parameter)].sqrt();
     let mut changes = Vec::new();
     let devices = [(&old.cam1, &new.cam1), (&old.cam2, &new.cam2), (&old.projector, &new.projector)];
     for (device, (before, now)) in devices.into_iter().enumerate() {
@@ -57,7 +58,7 @@ pub fn changes(old: &Rig, calibrated: &CalibratedRig) -> Vec<Change> {
             say(what, by, "pixels", sd(at + 2 + axis), LEAST[1]);
         }
         let Some(at) = layout.arrangement(device) else { continue };
-        let (before, now) = poses(old, &new, device);
+        let (before, now) = poses(old, new, device);
         let turn = (now.rotation * before.rotation.inverse()).scaled_axis();
         let axes = ["turn about x", "turn about y", "turn about z"];
         for (axis, what) in axes.into_iter().enumerate() {

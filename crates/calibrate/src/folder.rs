@@ -10,7 +10,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fringeflow_dataset::Problem;
+use fringeflow_dataset::{GreyImage, Problem, read_picture};
 use fringeflow_patterns::{PATTERNS_FILE, PatternError, PatternSet};
 
 use crate::images::{PatternOrder, PatternOrderError};
@@ -104,38 +104,76 @@ impl CalibrationFolder {
     /// # Errors
     /// [`FolderError`], which names the file or folder.
     pub fn open(folder: &Path) -> Result<Self, FolderError> {
-        let fail = |path: &Path| {
-            let path = path.to_owned();
-            move |problem| FolderError { path, problem }
-        };
+        let fail = |problem| Err(FolderError { path: folder.to_owned(), problem });
         if !folder.is_dir() {
-            return Err(fail(folder)(FolderProblem::NotAFolder));
+            return fail(FolderProblem::NotAFolder);
         }
-        let patterns = folder.join(PATTERNS_FILE);
-        if !patterns.exists() {
+        if !folder.join(PATTERNS_FILE).exists() {
             let poses = board_images(folder)?;
             return Ok(Self { order: None, poses });
         }
-        let set = PatternSet::read(&patterns).map_err(|e| fail(&patterns)(e.into()))?;
-        let order = PatternOrder::of(&set).map_err(|e| fail(&patterns)(e.into()))?;
+        let order = read_order(folder)?;
         let mut poses = Vec::new();
         for pose in entries(folder)?.into_iter().filter(|path| path.is_dir()) {
             let cameras = [camera_folder(&pose, 0)?, camera_folder(&pose, 1)?];
             let [Some(first), Some(second)] = cameras else { continue };
-            let files = [images(&first)?, images(&second)?];
-            for (files, folder) in files.iter().zip([first, second]) {
-                if files.len() != order.images {
-                    let (found, expected) = (files.len(), order.images);
-                    return Err(fail(&folder)(FolderProblem::Count { found, expected }));
-                }
-            }
+            let files = [pattern_images(&first, &order)?, pattern_images(&second, &order)?];
             poses.push(PoseFiles { name: file_name(&pose), cameras: files });
         }
         if poses.is_empty() {
-            return Err(fail(folder)(FolderProblem::NoImages));
+            return fail(FolderProblem::NoImages);
         }
         Ok(Self { order: Some(order), poses })
     }
+}
+
+/// The images of one scene under patterns: `FOLDER/patterns.toml`, `FOLDER/cam1/`, `FOLDER/cam2/`.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What they show.
+    pub order: PatternOrder,
+    /// Of each camera, in the order of the patterns.
+    pub images: [Vec<GreyImage>; 2],
+}
+
+impl Scene {
+    /// Reads a scene.
+    ///
+    /// # Errors
+    /// [`FolderError`], which names the file or folder.
+    pub fn read(folder: &Path) -> Result<Self, FolderError> {
+        let order = read_order(folder)?;
+        let (Some(first), Some(second)) = (camera_folder(folder, 0)?, camera_folder(folder, 1)?) else {
+            return Err(FolderError { path: folder.to_owned(), problem: FolderProblem::NoImages });
+        };
+        let read = |folder: &Path| {
+            pattern_images(folder, &order)?.iter().map(|path| read_image(path)).collect::<Result<Vec<_>, _>>()
+        };
+        let images = [read(&first)?, read(&second)?];
+        Ok(Self { order, images })
+    }
+}
+
+/// Reads the list of patterns of a folder.
+fn read_order(folder: &Path) -> Result<PatternOrder, FolderError> {
+    let path = folder.join(PATTERNS_FILE);
+    let order = PatternSet::read(&path).map_err(FolderProblem::from).and_then(|set| Ok(PatternOrder::of(&set)?));
+    order.map_err(|problem| FolderError { path, problem })
+}
+
+/// The images of a camera, as many as there are patterns.
+fn pattern_images(folder: &Path, order: &PatternOrder) -> Result<Vec<PathBuf>, FolderError> {
+    let files = images(folder)?;
+    if files.len() != order.images {
+        let problem = FolderProblem::Count { found: files.len(), expected: order.images };
+        return Err(FolderError { path: folder.to_owned(), problem });
+    }
+    Ok(files)
+}
+
+/// Reads an image.
+pub(crate) fn read_image(path: &Path) -> Result<GreyImage, FolderError> {
+    read_picture(path).map_err(|problem| FolderError { path: path.to_owned(), problem: problem.into() })
 }
 
 /// Pairs images of the board alone.

@@ -32,7 +32,7 @@ mod rig;
 mod shape;
 
 pub use assessment::{Assessment, Quality};
-pub use file::file_text;
+pub use file::{cameras_file_text, file_text, read_cameras_covariance};
 pub use lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
 pub use observed::{Observed, ObservedPose};
 pub use pose_words::PoseWords;

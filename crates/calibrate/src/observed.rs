@@ -1,13 +1,10 @@
 //! All poses of a folder, observed.
 
-use std::path::PathBuf;
-
 use fringeflow_board::Board;
-use fringeflow_dataset::{GreyImage, read_picture};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-use crate::folder::{CalibrationFolder, FolderError, FolderProblem, PoseFiles};
+use crate::folder::{CalibrationFolder, FolderError, PoseFiles, read_image};
 use crate::images::{ImageSigns, NoView, observe};
 use crate::observations::{CameraView, View};
 use crate::rig::RigViews;
@@ -88,7 +85,7 @@ fn observe_pose(
     let mut sizes_px = [[0; 2]; 2];
     let mut signs = [Err(NoView::Sizes), Err(NoView::Sizes)];
     for camera in 0..2 {
-        let images = pose.cameras[camera].iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        let images = pose.cameras[camera].iter().map(|path| read_image(path)).collect::<Result<Vec<_>, _>>()?;
         sizes_px[camera] = images.first().map_or([0; 2], |image| [image.width, image.height]);
         signs[camera] = match observe(board, &images, folder.order.as_ref()) {
             Ok((seen, signs)) => {
@@ -102,8 +99,4 @@ fn observe_pose(
         };
     }
     Ok((view, ObservedPose { name: pose.name.clone(), cameras: signs }, sizes_px))
-}
-
-fn read(path: &PathBuf) -> Result<GreyImage, FolderError> {
-    read_picture(path).map_err(|problem| FolderError { path: path.clone(), problem: FolderProblem::Image(problem) })
 }

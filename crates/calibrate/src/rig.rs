@@ -2,6 +2,7 @@
 //!
 //! In: observations of the board. Out: the adjusted state, or why there is none. Cost: about a second for 20 views.
 
+use fringeflow::calibration::Cameras;
 use fringeflow::geometry::{Pose, Rig};
 use nalgebra::Vector2;
 
@@ -114,6 +115,17 @@ pub struct CalibratedRig {
 }
 
 impl CalibratedRig {
+    /// Both cameras.
+    #[must_use]
+    pub fn cameras(&self) -> Option<Cameras> {
+        let [first, second, ..] = self.adjusted.state.devices[..] else { return None };
+        Some(Cameras {
+            cam1: first.lens.camera(self.problem.sizes_px[0]),
+            cam2: second.lens.camera(self.problem.sizes_px[1]),
+            cam2_from_cam1: second.from_first,
+        })
+    }
+
     /// The rig; `None` without a projector.
     #[must_use]
     pub fn rig(&self) -> Option<Rig> {

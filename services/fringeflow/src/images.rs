@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use fringeflow_config::Configuration;
 use fringeflow_dataset::evenly_spaced;
 
 use crate::failure::Failure;
@@ -38,6 +39,26 @@ impl Images {
                 numbers[place], shifts[place]
             ))),
         }
+    }
+
+    /// Windows of an input, evenly spaced over it, at most `count`. With `steps`, each is thinned out to that many images;
+    /// else it has the images beyond a cycle that the settings ask for.
+    ///
+    /// # Errors
+    /// As the other constructors.
+    pub(crate) fn windows(
+        input: &Input,
+        configuration: &Configuration,
+        count: usize,
+        steps: Option<usize>,
+    ) -> Result<Vec<Self>, Failure> {
+        let (cycles, cycle_steps) = (input.cycles()?, input.setup().steps);
+        let extra = configuration.settings.window_images(cycle_steps) - cycle_steps;
+        let images = |cycle: &Range<usize>| match steps {
+            Some(steps) => Self::evenly_spaced(input, cycle.clone(), steps),
+            None => Self::consecutive(input, input.widened(cycle.clone(), extra)),
+        };
+        cycles.iter().step_by(cycles.len().div_ceil(count)).map(images).collect()
     }
 
     /// `steps` of the images, evenly spaced, as a cycle of their own.

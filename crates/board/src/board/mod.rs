@@ -82,6 +82,15 @@ pub struct Board {
 }
 
 impl Board {
+    /// Distance of the marks of the rulers on a printed board, millimetres.
+    pub const RULER_MARK_MM: f64 = 10.0;
+
+    /// Lengths of the rulers on a printed board, along x and y: whole marks within the pattern, millimetres.
+    #[must_use]
+    pub fn rulers_mm(&self) -> [f64; 2] {
+        self.size_mm().map(|side| (side / Self::RULER_MARK_MM).floor().max(1.0) * Self::RULER_MARK_MM)
+    }
+
     /// The pattern.
     #[must_use]
     pub fn pattern(&self) -> &Pattern {

@@ -60,7 +60,7 @@ const RULER_MM: f64 = 2.0;
 const RULER_ROOM_MM: f64 = 8.0;
 const TEXT_ROOM_MM: f64 = 14.0;
 /// Marks of the rulers.
-const MARK_EVERY_MM: f64 = 10.0;
+const MARK_EVERY_MM: f64 = Board::RULER_MARK_MM;
 const MARK_MM: f64 = 2.0;
 const END_MARK_MM: f64 = 4.0;
 /// Height and width of the letters of the description.
@@ -76,7 +76,7 @@ impl Sheet {
         let [w, h] = board.size_mm();
         let margin = board.margin_mm().max(LEAST_MARGIN_MM);
         let title = format!("fringeflow board {board}");
-        let rulers = [w, h].map(|side| (side / MARK_EVERY_MM).floor().max(1.0) * MARK_EVERY_MM);
+        let rulers = board.rulers_mm();
         let hint =
             format!("Print at 100 %. Rulers between the outer marks: {} mm across, {} mm down.", rulers[0], rulers[1]);
         let text_mm = LETTER_MM * title.len().max(hint.len()) as f64;

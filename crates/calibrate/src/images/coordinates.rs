@@ -7,7 +7,7 @@ use super::order::{CodedFringes, PatternOrder};
 
 /// Projector coordinates of one direction at each pixel of a camera, row by row.
 pub(crate) struct Coordinates {
-    pub(super) phase: PhaseMap,
+    pub(crate) phase: PhaseMap,
     /// Column or row of the projector, pixels; meaningless where not valid.
     position_px: Vec<f32>,
     valid: Vec<bool>,
@@ -32,7 +32,7 @@ impl Coordinates {
     }
 
     /// Share of the pixels with a phase whose Gray code determines the fringe order.
-    pub(super) fn coded_share(&self) -> f64 {
+    pub(crate) fn coded_share(&self) -> f64 {
         let count = |valid: &[bool]| valid.iter().filter(|&&valid| valid).count();
         count(&self.valid) as f64 / count(&self.phase.valid).max(1) as f64
     }

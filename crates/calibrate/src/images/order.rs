@@ -7,6 +7,9 @@ use fringeflow_patterns::{Direction, Pattern, PatternSet};
 /// Name of the images with fringes in messages.
 const FRINGES: &str = "fringes";
 
+/// Widths of the cells of a Gray code, fringe periods.
+const CELLS: [f64; 2] = [0.5, 1.0];
+
 /// The fringes of one direction and their Gray code.
 #[derive(Clone, Debug)]
 pub(crate) struct CodedFringes {
@@ -49,6 +52,17 @@ pub enum PatternOrderError {
     SeveralPeriods {
         /// Name of the direction.
         direction: &'static str,
+    },
+    /// The Gray code counts cells of another width.
+    #[error(
+        "has a Gray code along the {direction} whose cells are {cell_periods} fringe periods wide; they must be half a \
+         period or a period"
+    )]
+    Cells {
+        /// Name of the direction.
+        direction: &'static str,
+        /// Width of a cell, fringe periods.
+        cell_periods: f64,
     },
     /// The phase shifts do not determine a phase.
     #[error(transparent)]
@@ -103,7 +117,7 @@ impl CodedFringes {
         let direction_name = wanted.name();
         let missing = |what| PatternOrderError::Missing { what, direction: direction_name };
         let (mut fringes, mut shifts_rad, mut bits) = (Vec::new(), Vec::new(), Vec::new());
-        let mut first: Option<FringePattern> = None;
+        let (mut first, mut cell_px) = (None::<FringePattern>, 0.0);
         for (index, image) in set.images.iter().enumerate() {
             match *image {
                 Pattern::Fringes { direction, pattern, shift_rad } if direction == wanted => {
@@ -113,7 +127,10 @@ impl CodedFringes {
                     fringes.push(index);
                     shifts_rad.push(shift_rad);
                 }
-                Pattern::Gray { direction, bit, .. } if direction == wanted => bits.push((bit, index)),
+                Pattern::Gray { direction, bit, period_px } if direction == wanted => {
+                    bits.push((bit, index));
+                    cell_px = period_px / 2.0;
+                }
                 _ => {}
             }
         }
@@ -121,12 +138,16 @@ impl CodedFringes {
         if bits.is_empty() {
             return Err(missing("Gray code"));
         }
+        let cell_periods = cell_px / pattern.period_px;
+        if !CELLS.iter().any(|cell| (cell_periods - cell).abs() < 1e-6) {
+            return Err(PatternOrderError::Cells { direction: direction_name, cell_periods });
+        }
         bits.sort_unstable_by(|a, b| b.cmp(a));
         Ok(Self {
             pattern,
             shifts: PhaseShifts::new(&shifts_rad)?,
             fringes,
-            code: GrayCode { images: bits.len(), cell_periods: 0.5 },
+            code: GrayCode { images: bits.len(), cell_periods },
             bits: bits.into_iter().map(|(_, index)| index).collect(),
         })
     }

@@ -74,20 +74,46 @@ const HELD_SHARE: f64 = 0.9;
 /// the others too.
 const USUAL_SDS: ([f64; INTRINSICS], f64, f64) = ([3e-3, 3e-3, 3.0, 3.0, 0.02, 0.1, 1e-3, 1e-3, 0.3], 3e-3, 5e-4);
 
+/// Factor of these standard deviations for a projector that was found by [`projector_from_columns`].
+const NEW_PROJECTOR: f64 = 30.0;
+
 /// The covariance of a calibration of which nothing is known but that it is a usual one.
 #[must_use]
 pub fn usual_covariance(rig: &Rig) -> DMatrix<f64> {
+    scaled_covariance(rig, 1.0)
+}
+
+/// The covariance of a rig whose cameras have a known one (that of their lenses, then of the pose of C2) and whose projector
+/// was found by [`projector_from_columns`].
+#[must_use]
+pub fn new_projector_covariance(rig: &Rig, cameras: Option<&DMatrix<f64>>) -> DMatrix<f64> {
+    let mut covariance = scaled_covariance(rig, NEW_PROJECTOR);
+    let Some(cameras) = cameras else { return covariance };
+    let layout = Layout::of(&state_of(rig));
+    // Where the parameters of the cameras stand in the rig: those of the projector come in between.
+    let place = |k: usize| if k < layout.lens(PROJECTOR) { k } else { k + INTRINSICS };
+    for i in 0..cameras.nrows() {
+        for j in 0..cameras.ncols() {
+            covariance[(place(i), place(j))] = cameras[(i, j)];
+        }
+    }
+    covariance
+}
+
+/// The usual covariance, with other standard deviations of the projector.
+fn scaled_covariance(rig: &Rig, projector: f64) -> DMatrix<f64> {
     let state = state_of(rig);
     let layout = Layout::of(&state);
-    let (lens, turn_rad, shift_m) = USUAL_SDS;
     let mut sds = DVector::zeros(layout.rig());
     for (d, device) in state.devices.iter().enumerate() {
+        let factor = if d == PROJECTOR { projector } else { 1.0 };
+        let (lens, turn_rad, shift_m) = USUAL_SDS;
         for (k, sd) in lens.into_iter().enumerate() {
-            sds[layout.lens(d) + k] = if k < 2 { sd * device.lens.0[k] } else { sd };
+            sds[layout.lens(d) + k] = factor * if k < 2 { sd * device.lens.0[k] } else { sd };
         }
         if let Some(at) = layout.arrangement(d) {
             for k in 0..6 {
-                sds[at + k] = if k < 3 { turn_rad } else { shift_m };
+                sds[at + k] = factor * if k < 3 { turn_rad } else { shift_m };
             }
         }
     }
@@ -206,17 +232,18 @@ impl Residuals {
 
 /// Names of the parameters whose standard deviation the scans hardly lowered.
 fn held(covariance: &DMatrix<f64>, prior: &DMatrix<f64>) -> Vec<String> {
-    let names = parameter_names();
+    let names = parameter_names(3);
     let is_held = |k: &usize| covariance[(*k, *k)].sqrt() > HELD_SHARE * prior[(*k, *k)].sqrt();
     (0..covariance.nrows()).filter(is_held).map(|k| names[k].clone()).collect()
 }
 
-/// Names of the parameters of a rig, in the order of their covariance: `fx_1` to `k3_p`, then turns and shifts of C2 and
-/// projector, `rx_2` to `tz_p`.
-pub(crate) fn parameter_names() -> Vec<String> {
-    let lenses = ["1", "2", "p"].into_iter().flat_map(|device| INTRINSIC_NAMES.map(|name| format!("{name}_{device}")));
+/// Names of the parameters of a rig of so many devices, in the order of their covariance: `fx_1` to `k3_p`, then turns and
+/// shifts of C2 and projector, `rx_2` to `tz_p`.
+pub(crate) fn parameter_names(devices: usize) -> Vec<String> {
+    let suffixes = &["1", "2", "p"][..devices];
+    let lenses = suffixes.iter().flat_map(|device| INTRINSIC_NAMES.map(|name| format!("{name}_{device}")));
     let pose = ["rx", "ry", "rz", "tx", "ty", "tz"];
-    lenses.chain(["2", "p"].into_iter().flat_map(|device| pose.map(|name| format!("{name}_{device}")))).collect()
+    lenses.chain(suffixes[1..].iter().flat_map(|device| pose.map(|name| format!("{name}_{device}")))).collect()
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

@@ -74,7 +74,7 @@ fn a_projector_is_found_from_columns_alone() {
 fn sensitivities_are_differences() {
     let truth = truth();
     let state = state_of(&truth);
-    let names = parameter_names();
+    let names = parameter_names(3);
     for point in points(&truth).iter().step_by(97) {
         let column = |state: &State| {
             let rig = rig_of(state, &truth);

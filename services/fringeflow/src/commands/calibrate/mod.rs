@@ -1,6 +1,7 @@
 //! `fringeflow calibrate`: both cameras and the projector from images of a board.
 
 mod page;
+mod refine;
 mod svg;
 mod text;
 
@@ -14,27 +15,36 @@ use fringeflow_board::Board;
 use fringeflow_calibrate::comparison::{Change, cameras_exchanged, changes};
 use fringeflow_calibrate::findings::{Finding, Severity};
 use fringeflow_calibrate::folder::CalibrationFolder;
-use fringeflow_calibrate::{Assessment, CalibratedRig, Observed, Quality, file_text};
+use fringeflow_calibrate::{Assessment, Observed, Quality, cameras_file_text, file_text};
 use fringeflow_lab::rig_report::{Assumptions, CalibrationQuality, RigSetup, report};
 
-use crate::acting_options::ActingOptions;
+use crate::acting_options::{ActingOptions, Mode};
 use crate::failure::Failure;
 use crate::{json, progress};
 
 /// Arguments of `fringeflow calibrate`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder with the images: patterns.toml, and for each pose of the board a folder with cam1/ and cam2/.
-    folder: PathBuf,
+    /// Folder with the images: patterns.toml, and for each pose of the board a folder with cam1/ and cam2/. Images of the
+    /// board alone, in cam1/ and cam2/, calibrate the cameras without the projector.
+    #[arg(required_unless_present = "refine")]
+    folder: Option<PathBuf>,
     /// The board, as `fringeflow board` takes it: charuco:14x10:square=12:marker=9:dictionary=4x4_250, or a TOML file.
-    #[arg(long, value_name = "SPEC|FILE")]
-    board: String,
+    #[arg(long, value_name = "SPEC|FILE", required_unless_present = "refine")]
+    board: Option<String>,
+    /// Improve a calibration by scans of anything: a recording or a dataset folder. Or find the projector of calibrated
+    /// cameras by one scene at rest: a folder with patterns.toml, cam1/ and cam2/, with Gray code along the columns.
+    #[arg(long, value_name = "SCANS", conflicts_with_all = ["folder", "board"])]
+    refine: Option<PathBuf>,
+    /// Calibration to begin with. The default is that of the scans; a scene has none.
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
     /// Calibration file to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Lengths of the rulers on the printed board, measured along x and y. They are 100 mm if the print has its size.
-    #[arg(long, value_name = "X,Y mm", value_parser = parse_ruler, default_value = "100,100")]
-    ruler: [f64; 2],
+    /// Measured lengths of the rulers on the printed board, across and down. The board says how long they should be.
+    #[arg(long, value_name = "X,Y mm", value_parser = parse_rulers)]
+    rulers: Option<[f64; 2]>,
     /// Estimate how the board deviates from a plane. It needs many poses with tilts.
     #[arg(long)]
     bent_board: bool,
@@ -53,24 +63,20 @@ pub(crate) struct Args {
 }
 
 /// Where the options act.
-pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions::all(&[
-    "folder",
-    "board",
-    "output",
-    "ruler",
-    "bent_board",
-    "report",
-    "compare",
-    "force",
-    "json",
-    "threads",
-    "simd",
-]);
+pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
+    always: &["output", "json", "threads", "simd"],
+    choices: &[&[
+        Mode { name: "with --refine", is_chosen: |args| args.refine.is_some(), options: &["refine", "from"] },
+        Mode {
+            name: "without --refine",
+            is_chosen: |_| true,
+            options: &["folder", "board", "rulers", "bent_board", "report", "compare", "force"],
+        },
+    ]],
+};
 
-/// Length of a ruler on a print of exact size, millimetres.
-const RULER_MM: f64 = 100.0;
-/// Lengths of rulers that a printer may produce, relative.
-const RULER_SCALES: std::ops::RangeInclusive<f64> = 0.5..=2.0;
+/// Sizes of prints, relative to that of the board: beyond these it was scaled on purpose, or measured wrongly.
+const PRINT_SCALES: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 /// Fringe images of a scan, for efc.
 const STEPS: usize = 4;
 /// Every how many pixels of C1 the report on the rig is computed.
@@ -100,39 +106,49 @@ pub(super) struct ExpectedScan {
 
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
-        let board = Board::read(&self.board).map_err(|e| Failure::Usage(format!("--board {}: {e}", self.board)))?;
-        for path in std::iter::once(&self.output).chain(&self.report) {
-            check_writable(path)?;
+        check_writable(&self.output)?;
+        match (&self.refine, &self.folder, &self.board) {
+            (Some(scans), ..) => refine::run(self, scans),
+            (None, Some(folder), Some(board)) => self.calibrate(folder, board),
+            // The parser asks for them.
+            _ => Err(Failure::Usage("give a folder with images and --board, or --refine".to_owned())),
+        }
+    }
+
+    fn calibrate(&self, path: &Path, board: &str) -> Result<(), Failure> {
+        let board = Board::read(board).map_err(|e| Failure::Usage(format!("--board {board}: {e}")))?;
+        if let Some(report) = &self.report {
+            check_writable(report)?;
         }
         let old = self.compare.as_ref().map(|path| read_calibration(path, Unit::Millimetre)).transpose()?;
-        let folder = CalibrationFolder::open(&self.folder).map_err(Failure::unusable)?;
+        let folder = CalibrationFolder::open(path).map_err(Failure::unusable)?;
         let bar = progress::bar("finding the board", folder.poses.len() as u64);
-        let scale = self.ruler.map(|length_mm| length_mm / RULER_MM);
+        let scale = self.print_scale(&board)?;
         let mut observed = Observed::read(&folder, &board, scale, || bar.inc(1)).map_err(Failure::unusable)?;
         bar.finish_and_clear();
         observed.views.free_shape = self.bent_board;
         let mut assessment = Assessment::of(&observed);
         let calibrated = assessment.calibrated.as_ref().ok();
-        let changes = match (&old, calibrated) {
-            (Some(old), Some(calibrated)) => changes(old, calibrated),
-            _ => Vec::new(),
-        };
-        if let (Some(old), Some(new)) = (&old, calibrated.and_then(CalibratedRig::rig)) {
+        let mut changed = Vec::new();
+        if let (Some(old), Some(calibrated)) = (&old, calibrated)
+            && let Some(new) = calibrated.rig()
+        {
+            changed = changes(old, &new, &calibrated.adjusted.covariance);
             if cameras_exchanged(old, &new) {
                 assessment.findings.insert(0, exchanged(self.compare.as_deref()));
             }
         }
         let scan = expected_scan(&observed, &assessment);
         let outcome = Outcome {
-            folder: &self.folder,
+            folder: path,
             board: &board,
             observed: &observed,
             assessment: &assessment,
-            changes,
+            changes: changed,
             scan,
         };
-        if let Some(path) = &self.report {
-            write_atomically(path, |out| out.write_all(page::page(&outcome).as_bytes()))?;
+        if let Some(report) = &self.report {
+            write_atomically(report, |out| out.write_all(page::page(&outcome).as_bytes()))?;
         }
         if self.json {
             json::print(&outcome.to_json())?;
@@ -142,30 +158,43 @@ impl Args {
         self.write(&assessment)
     }
 
+    /// Size of the print relative to that of the board, along x and y.
+    fn print_scale(&self, board: &Board) -> Result<[f64; 2], Failure> {
+        let nominal_mm = board.rulers_mm();
+        let Some(measured_mm) = self.rulers else { return Ok([1.0; 2]) };
+        let scale = [measured_mm[0] / nominal_mm[0], measured_mm[1] / nominal_mm[1]];
+        if scale.iter().all(|scale| PRINT_SCALES.contains(scale)) {
+            return Ok(scale);
+        }
+        Err(Failure::Usage(format!(
+            "--rulers {},{}: on a print of {board} the rulers are {} mm across and {} mm down; these lengths are too far from \
+             it for a print, so measure between the outer marks",
+            measured_mm[0], measured_mm[1], nominal_mm[0], nominal_mm[1]
+        )))
+    }
+
     /// Writes the calibration file, or says why not.
     fn write(&self, assessment: &Assessment) -> Result<(), Failure> {
         let flaws: Vec<&Finding> = assessment.refusals().collect();
-        let text = match &assessment.calibrated {
-            Ok(calibrated) if flaws.is_empty() || self.force => file_text(calibrated, &flaws),
-            Ok(_) | Err(_) => {
+        let calibrated = match &assessment.calibrated {
+            Ok(calibrated) if flaws.is_empty() || self.force => calibrated,
+            _ => {
                 let why = flaws.first().map_or_else(String::new, |flaw| format!(": {}", flaw.text));
-                let more =
-                    if flaws.len() > 1 { format!(" ({} more causes above)", flaws.len() - 1) } else { String::new() };
-                let what = format!("no calibration is written{why}{more}");
-                return Err(Failure::NotMeasurable(what));
+                let others = flaws.len().saturating_sub(1);
+                let more = if others > 0 { format!(" ({others} more causes above)") } else { String::new() };
+                return Err(Failure::NotMeasurable(format!("no calibration is written{why}{more}")));
             }
         };
-        let without = || {
-            Failure::NotMeasurable(format!(
-                "{}: the images show the board without patterns, so there is no calibration of the projector; show the \
-                 images of `fringeflow patterns --calibration` in each pose",
-                self.folder.display()
-            ))
+        let text = match (calibrated.rig(), calibrated.cameras()) {
+            (Some(rig), _) => file_text(&rig, &calibrated.adjusted.covariance, &flaws),
+            (None, Some(cameras)) => cameras_file_text(&cameras, &calibrated.adjusted.covariance, &flaws),
+            (None, None) => return Err(Failure::NotMeasurable("no camera is calibrated".to_owned())),
         };
-        let text = text.ok_or_else(without)?;
         write_atomically(&self.output, |out| out.write_all(text.as_bytes()))?;
         if !self.json {
-            writeln!(std::io::stdout(), "\n{} is written", self.output.display())?;
+            let what =
+                if calibrated.rig().is_some() { "" } else { " with the cameras alone; --refine finds the projector" };
+            writeln!(std::io::stdout(), "\n{} is written{what}", self.output.display())?;
         }
         Ok(())
     }
@@ -183,13 +212,10 @@ fn exchanged(old: Option<&Path>) -> Finding {
 }
 
 /// Parses the measured lengths of both rulers.
-fn parse_ruler(text: &str) -> Result<[f64; 2], String> {
-    let wrong = || format!("{text:?} are not the lengths of two rulers; write both in millimetres, as in 99.8,100.1");
+fn parse_rulers(text: &str) -> Result<[f64; 2], String> {
+    let wrong = || format!("{text:?} are not the lengths of two rulers; write both in millimetres, as in 159.8,110.1");
     let (x, y) = text.split_once(',').ok_or_else(wrong)?;
-    let length = |text: &str| {
-        let length = text.trim().parse::<f64>().ok();
-        length.filter(|mm| RULER_SCALES.contains(&(mm / RULER_MM))).ok_or_else(wrong)
-    };
+    let length = |text: &str| text.trim().parse::<f64>().ok().filter(|mm| mm.is_finite()).ok_or_else(wrong);
     Ok([length(x)?, length(y)?])
 }
 

@@ -1,7 +1,6 @@
 //! `fringeflow rig --images`: measures from images how far a calibration has drifted.
 
 use std::io::{self, Write};
-use std::ops::Range;
 use std::path::Path;
 
 use serde::Serialize;
@@ -90,8 +89,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     let mut configuration = read_configuration(args.config.as_deref(), &input)?;
     // The paper's resolution measures no drift.
     configuration.settings.matching.method = ResolutionMethod::Moments;
-    let cycles = input.cycles()?;
-    let chosen = choose_windows(&input, &cycles, args, &configuration)?;
+    let chosen = Images::windows(&input, &configuration, window_count(&input, args)?, args.steps)?;
     let calibrated = args.calibrated_rig()?;
     check_sizes(args, &calibrated, &input)?;
     let volume = volume(args, &calibrated, &configuration, &input)?;
@@ -109,7 +107,7 @@ pub(super) fn run(args: &Args, images: &Path) -> Result<(), Failure> {
     let report = Report {
         calibration: &args.calibration,
         images,
-        windows_available: cycles.len(),
+        windows_available: input.cycles()?.len(),
         summary: Summary::from_windows(&windows, configuration.health.limits_of(Quantity::Drift)),
         windows,
         unmeasured: measured.unmeasured,
@@ -129,22 +127,6 @@ fn window_count(input: &Input, args: &Args) -> Result<usize, Failure> {
         ))),
         (windows, _) => Ok(usize::from(windows.unwrap_or(DEFAULT_WINDOWS))),
     }
-}
-
-/// The images of the windows to measure, evenly spaced over the input.
-fn choose_windows(
-    input: &Input,
-    cycles: &[Range<usize>],
-    args: &Args,
-    configuration: &Configuration,
-) -> Result<Vec<Images>, Failure> {
-    let (every, steps) = (cycles.len().div_ceil(window_count(input, args)?), input.setup().steps);
-    let extra = configuration.settings.window_images(steps) - steps;
-    let images = |cycle: &Range<usize>| match args.steps {
-        Some(steps) => Images::evenly_spaced(input, cycle.clone(), steps),
-        None => Images::consecutive(input, input.widened(cycle.clone(), extra)),
-    };
-    cycles.iter().step_by(every).map(images).collect()
 }
 
 /// The volume over which the drift is measured: that of --volume, else that of the images, else that of the
