@@ -54,7 +54,7 @@ fn figures(out: &mut String, outcome: &Outcome<'_>) {
 }
 
 fn images(out: &mut String, calibrated: &CalibratedRig, quality: &Quality) {
-    *out += "<h2>Coverage</h2><p>Shaded cells hold points of the board; hatched ones hold none. Lines show the residual of \
+    *out += "<h2>Coverage</h2><p>Shaded cells hold points of the board; yellow ones hold none. Lines show the residual of \
              each point, a hundred times as long as it is; red ones were left out.</p><div class=\"row\">";
     for device in 0..calibrated.problem.sizes_px.len() {
         let drawing = svg::coverage(calibrated, quality, device);
