@@ -23,6 +23,8 @@ needed=(
     "command -v xz:xz-utils"
     "compgen -G '/usr/lib/*/libelf.so.1':libelf1"
     "command -v v4l2-ctl:v4l-utils"
+    # Tests show patterns on a monitor that is not there.
+    "command -v Xvfb:xvfb"
     # Tests open the dashboard in a browser.
     "command -v chromium:chromium"
     "compgen -G '/usr/share/fonts/truetype/*/*.ttf':fonts-dejavu-core"

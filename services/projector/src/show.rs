@@ -21,10 +21,11 @@ const MAX_WAIT: Duration = Duration::from_millis(20);
 const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 /// Longest wait for the last patterns after a request to stop.
 const LAST_PATTERNS: Duration = Duration::from_secs(1);
-/// Refreshes over which the rate of the monitor is measured.
-const MEASURED_REFRESHES: u64 = 40;
-/// Largest deviation of a slot from the period of the images. An exposure is announced within half a period.
-const MAX_DEVIATION: f64 = 0.005;
+/// Refreshes over which the rate of a monitor is measured whose mode does not tell it.
+const MEASURED_REFRESHES: u64 = 120;
+/// Largest deviation of a slot from the period of the images: more than the rate of a monitor without a mode can be off, as
+/// its timer is that of a busy machine.
+const MAX_DEVIATION: f64 = 0.03;
 
 /// The patterns of a scan as its events tell them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -160,8 +161,7 @@ struct Projector<'a> {
 }
 
 impl<'a> Projector<'a> {
-    /// Stores the images and measures the rate of the monitor. `refreshes` tells from it for how many refreshes each image
-    /// is shown.
+    /// Stores the images. `refreshes` tells from the rate of the monitor for how many refreshes each image is shown.
     fn open(
         screen: &'a Screen,
         monitor: &Monitor,
@@ -171,18 +171,18 @@ impl<'a> Projector<'a> {
         let window = Window::open(screen, monitor)?;
         let images = (0..set.images.len()).filter_map(|index| set.image(index));
         let images = images.map(|image| window.store(&image)).collect::<Result<Vec<_>, _>>()?;
-        let begin = window.time(0)?;
-        let end = window.time(begin.refresh + MEASURED_REFRESHES)?;
-        let count = end.refresh.saturating_sub(begin.refresh).max(1);
-        let refresh_ns = (end.time_ns.saturating_sub(begin.time_ns)) as f64 / count as f64;
-        let refreshes = (refreshes(1e9 / refresh_ns)?.round() as u64).max(1);
+        let refresh_hz = match monitor.refresh_hz {
+            Some(refresh_hz) => refresh_hz,
+            None => measured_refresh_hz(&window)?,
+        };
+        let refreshes = (refreshes(refresh_hz)?.round() as u64).max(1);
         Ok(Self {
             schedule: Schedule::new(images.len(), refreshes),
             window,
             images,
             refreshes,
-            refresh_ns,
-            now_refresh: end.refresh,
+            refresh_ns: 1e9 / refresh_hz,
+            now_refresh: 0,
             counts: ShownCounts::default(),
             is_dark: true,
         })
@@ -234,6 +234,13 @@ impl<'a> Projector<'a> {
         }
         Ok(())
     }
+}
+
+fn measured_refresh_hz(window: &Window<'_>) -> Result<f64, ProjectorError> {
+    let begin = window.time(0)?;
+    let end = window.time(begin.refresh + MEASURED_REFRESHES)?;
+    let count = end.refresh.saturating_sub(begin.refresh);
+    Ok(count as f64 * 1e9 / end.time_ns.saturating_sub(begin.time_ns).max(1) as f64)
 }
 
 /// The channels of an instance.

@@ -16,6 +16,7 @@ mod full_disk;
 mod health;
 mod killed;
 mod monitor;
+mod monitor_projector;
 mod processors;
 mod projector;
 mod recorded_run;
