@@ -72,6 +72,7 @@ fn letter_f(u: f64, v: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Flip, Orientation, Rotation};
 
     const SIZE: [usize; 2] = [640, 480];
 
@@ -92,23 +93,14 @@ mod tests {
     #[test]
     fn no_rotation_or_mirroring_maps_the_chart_to_itself() {
         let square = [480, 480];
-        let last = 479.0;
-        let turned: [fn(f64, f64, f64) -> (f64, f64); 7] = [
-            |x, y, l| (l - x, y),
-            |x, y, l| (x, l - y),
-            |x, y, l| (l - x, l - y),
-            |x, y, _| (y, x),
-            |x, y, l| (l - y, x),
-            |x, y, l| (y, l - x),
-            |x, y, l| (l - y, l - x),
-        ];
-        for (number, turn) in turned.into_iter().enumerate() {
-            let differs = |x: usize, y: usize| {
-                let (u, v) = turn(x as f64, y as f64, last);
-                brightness(square, x as f64, y as f64) != brightness(square, u, v)
-            };
-            let off = (0..480).flat_map(|x| (0..480).map(move |y| (x, y))).filter(|&(x, y)| differs(x, y)).count();
-            assert!(off > 5000, "{number}: {off}");
+        let at = |[x, y]: [usize; 2]| brightness(square, x as f64, y as f64);
+        for rotation in Rotation::ALL {
+            for flip in Flip::ALL {
+                let orientation = Orientation { rotation, flip };
+                let pixels = (0..480 * 480).map(|i| [i % 480, i / 480]);
+                let off = pixels.filter(|&pixel| at(pixel) != at(orientation.upright(square, pixel))).count();
+                assert_eq!(off < 5000, orientation == Orientation::default(), "{orientation:?}: {off}");
+            }
         }
     }
 
@@ -125,7 +117,7 @@ mod tests {
     #[test]
     fn the_wedge_rises_in_even_steps() {
         let levels: Vec<f64> =
-            (0..17).map(|k| brightness(SIZE, 128.0 + 384.0 * (k as f64 + 0.5) / 17.0, 440.0)).collect();
+            (0..17).map(|k| brightness(SIZE, 128.0 + 384.0 * (f64::from(k) + 0.5) / 17.0, 440.0)).collect();
         for (k, level) in levels.iter().enumerate() {
             assert!((level - k as f64 / 16.0).abs() < 1e-12, "{levels:?}");
         }

@@ -70,7 +70,7 @@ pub enum PatternProblem {
 }
 
 impl PatternProblem {
-    pub(crate) fn value(field: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
+    pub(crate) fn value(field: impl Into<String>, value: &impl ToString, expected: impl Into<String>) -> Self {
         Self::Value { field: field.into(), value: value.to_string(), expected: expected.into() }
     }
 }

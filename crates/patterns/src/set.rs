@@ -50,10 +50,10 @@ impl FringeCycle {
     fn check(&self) -> Result<(), PatternProblem> {
         let steps = self.shifts_rad.len();
         if !(MIN_STEPS..=MAX_STEPS).contains(&steps) {
-            return Err(PatternProblem::value("the number of steps", steps, "it must lie between 3 and 16"));
+            return Err(PatternProblem::value("the number of steps", &steps, "it must lie between 3 and 16"));
         }
         if let Some(shift) = self.shifts_rad.iter().find(|shift| !shift.is_finite()) {
-            return Err(PatternProblem::value("a phase shift", shift, "it must be a finite number of rad"));
+            return Err(PatternProblem::value("a phase shift", &shift, "it must be a finite number of rad"));
         }
         check_period("the period", self.pattern.period_px)
     }
@@ -226,13 +226,13 @@ pub(crate) fn check_size(size_px: [usize; 2]) -> Result<(), PatternProblem> {
         return Ok(());
     }
     let expected = "width and height must lie between 16 and 8192 pixels";
-    Err(PatternProblem::value("projector_px", format!("{size_px:?}"), expected))
+    Err(PatternProblem::value("projector_px", &format!("{size_px:?}"), expected))
 }
 
 /// Checks a fringe period.
 pub(crate) fn check_period(field: &str, period_px: f64) -> Result<(), PatternProblem> {
     let is_valid = period_px.is_finite() && period_px >= MIN_PERIOD_PX;
-    let refused = || PatternProblem::value(field, period_px, "it must be at least 2 projector pixels");
+    let refused = || PatternProblem::value(field, &period_px, "it must be at least 2 projector pixels");
     is_valid.then_some(()).ok_or_else(refused)
 }
 

@@ -81,7 +81,7 @@ impl PatternSet {
         check_size(raw.projector_px)?;
         let count = raw.images.len();
         if !(1..=MAX_IMAGES).contains(&count) {
-            return Err(PatternProblem::value("the number of images", count, "it must lie between 1 and 1000"));
+            return Err(PatternProblem::value("the number of images", &count, "it must lie between 1 and 1000"));
         }
         let output = raw.output()?;
         let images = raw.images.iter().enumerate();
@@ -146,7 +146,7 @@ impl RawSet {
     fn output(&self) -> Result<Output, PatternProblem> {
         let rotation = Rotation::ALL.into_iter().find(|rotation| rotation.degrees() == self.rotate_deg);
         let rotation = rotation
-            .ok_or_else(|| PatternProblem::value("rotate_deg", self.rotate_deg, "it must be 0, 90, 180 or 270"))?;
+            .ok_or_else(|| PatternProblem::value("rotate_deg", &self.rotate_deg, "it must be 0, 90, 180 or 270"))?;
         let flip = match self.flip.as_deref() {
             None => Flip::None,
             Some(name) => named("flip".to_owned(), name, &Flip::ALL, Flip::name)?,
@@ -156,14 +156,16 @@ impl RawSet {
             (Some(gamma), None) => Response::gamma(gamma)?,
             (None, Some(levels)) => Response::table(levels.clone())?,
             (Some(gamma), Some(_)) => {
-                return Err(PatternProblem::value("gamma", gamma, "gamma_table states the response too; remove one"));
+                return Err(PatternProblem::value("gamma", &gamma, "gamma_table states the response too; remove one"));
             }
         };
         let depth = match self.bits.unwrap_or(8) {
             8 => Depth::Eight(response),
             1 if response == Response::Linear => Depth::One,
-            1 => return Err(PatternProblem::value("bits", 1, "such images have no grey to correct; remove the gamma")),
-            bits => return Err(PatternProblem::value("bits", bits, "it must be 8 or 1")),
+            1 => {
+                return Err(PatternProblem::value("bits", &1, "such images have no grey to correct; remove the gamma"));
+            }
+            bits => return Err(PatternProblem::value("bits", &bits, "it must be 8 or 1")),
         };
         Ok(Output { orientation: Orientation { rotation, flip }, depth, packed: self.packed })
     }
@@ -176,12 +178,12 @@ impl RawImage {
             "fringes" => {
                 let finite = |name, value: f64| {
                     let refused =
-                        || PatternProblem::value(fields.name(name), value, "it must be a finite number of rad");
+                        || PatternProblem::value(fields.name(name), &value, "it must be a finite number of rad");
                     value.is_finite().then_some(value).ok_or_else(refused)
                 };
                 let sign = self.phase_sign.unwrap_or(1.0);
                 if sign.abs() != 1.0 {
-                    return Err(PatternProblem::value(fields.name("phase_sign"), sign, "it must be 1 or -1"));
+                    return Err(PatternProblem::value(fields.name("phase_sign"), &sign, "it must be 1 or -1"));
                 }
                 let period_px = self.period_px(fields)?;
                 Pattern::Fringes {
@@ -202,12 +204,12 @@ impl RawImage {
                 period_px: self.period_px(fields)?,
                 bit: match fields.required("bit", self.bit, "0 is the least significant")? {
                     bit if bit < GRAY_BITS => bit,
-                    bit => return Err(PatternProblem::value(fields.name("bit"), bit, "it must lie between 0 and 31")),
+                    bit => return Err(PatternProblem::value(fields.name("bit"), &bit, "it must lie between 0 and 31")),
                 },
             },
             kind => kinds.into_iter().find(|pattern| pattern.kind() == kind).ok_or_else(|| {
                 let expected = "it must be fringes, gray, white, black or chart";
-                PatternProblem::value(fields.name("kind"), format!("{kind:?}"), expected)
+                PatternProblem::value(fields.name("kind"), &format!("{kind:?}"), expected)
             })?,
         };
         self.check_unused(fields, &pattern)?;
@@ -260,7 +262,7 @@ impl Fields {
 fn named<T: Copy>(field: String, name: &str, all: &[T], name_of: fn(T) -> &'static str) -> Result<T, PatternProblem> {
     all.iter().copied().find(|&value| name_of(value) == name).ok_or_else(|| {
         let known: Vec<String> = all.iter().map(|&value| format!("{:?}", name_of(value))).collect();
-        PatternProblem::value(field, format!("{name:?}"), format!("it must be one of {}", known.join(", ")))
+        PatternProblem::value(field, &format!("{name:?}"), format!("it must be one of {}", known.join(", ")))
     })
 }
 
@@ -271,7 +273,7 @@ fn check_place(field: String, stated: Option<&str>, place: Option<String>) -> Re
         Some(place) => format!("from its place in the list it is {place:?}; correct it or leave it out"),
         None => "only packed images have a plane; remove it".to_owned(),
     };
-    Err(PatternProblem::value(field, format!("{stated:?}"), expected))
+    Err(PatternProblem::value(field, &format!("{stated:?}"), expected))
 }
 
 #[cfg(test)]

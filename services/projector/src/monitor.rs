@@ -88,17 +88,17 @@ impl Screen {
     /// # Errors
     /// There is no such monitor, or several.
     pub fn monitor(&self, wanted: Option<&str>) -> Result<Monitor, ProjectorError> {
-        chosen(self.monitors()?, wanted)
+        chosen(&self.monitors()?, wanted)
     }
 }
 
-fn chosen(monitors: Vec<Monitor>, wanted: Option<&str>) -> Result<Monitor, ProjectorError> {
+fn chosen(monitors: &[Monitor], wanted: Option<&str>) -> Result<Monitor, ProjectorError> {
     let known = || monitors.iter().map(|monitor| monitor.name.as_str()).collect::<Vec<_>>().join(", ");
     if let Some(wanted) = wanted {
         let found = monitors.iter().find(|monitor| monitor.name == wanted).cloned();
         return found.ok_or_else(|| ProjectorError::NoMonitor { wanted: wanted.to_owned(), known: known() });
     }
-    if let [only] = &monitors[..] {
+    if let [only] = monitors {
         return Ok(only.clone());
     }
     let mut others = monitors.iter().filter(|monitor| !monitor.primary);
@@ -131,17 +131,17 @@ mod tests {
     #[test]
     fn the_projector_is_the_other_monitor_or_named() {
         let two = || vec![monitor("eDP-1", true), monitor("HDMI-1", false)];
-        assert_eq!(chosen(two(), None).unwrap().name, "HDMI-1");
-        assert_eq!(chosen(two(), Some("eDP-1")).unwrap().name, "eDP-1");
-        assert_eq!(chosen(vec![monitor("screen", false)], None).unwrap().name, "screen");
-        let refused = chosen(two(), Some("DP-9")).unwrap_err().to_string();
+        assert_eq!(chosen(&two(), None).unwrap().name, "HDMI-1");
+        assert_eq!(chosen(&two(), Some("eDP-1")).unwrap().name, "eDP-1");
+        assert_eq!(chosen(&[monitor("screen", false)], None).unwrap().name, "screen");
+        let refused = chosen(&two(), Some("DP-9")).unwrap_err().to_string();
         assert!(refused.contains("\"DP-9\"") && refused.contains("eDP-1, HDMI-1"), "{refused}");
         for many in [
             vec![monitor("a", true), monitor("b", false), monitor("c", false)],
             vec![monitor("a", false), monitor("b", false)],
             vec![],
         ] {
-            assert!(chosen(many, None).unwrap_err().to_string().contains("--monitor"));
+            assert!(chosen(&many, None).unwrap_err().to_string().contains("--monitor"));
         }
     }
 

@@ -109,12 +109,13 @@ pub fn announce(
         cycle: *cycle,
         duration_ns: projector.slot_ns() as u64,
     };
-    let (mut is_scanning, mut checked, mut stopped) = (false, Instant::now(), None);
+    let (mut is_scanning, mut is_alive) = (false, true);
+    let (mut checked, mut stopped) = (Instant::now(), None);
     loop {
         while let Some(state) = receive(&mut channels.states) {
             is_scanning = state.scanning != 0;
         }
-        if stop.is_requested() {
+        if stop.is_requested() || !is_alive {
             // What was handed over is still shown, and announced.
             is_scanning = false;
             let since = *stopped.get_or_insert_with(Instant::now);
@@ -133,10 +134,10 @@ pub fn announce(
         }
         if checked.elapsed() >= CHECK_INTERVAL {
             checked = Instant::now();
-            if !is_running(instance)? {
-                break;
+            is_alive = is_running(instance)?;
+            if is_alive {
+                channels.ensure_connected();
             }
-            channels.ensure_connected();
         }
     }
     Ok(projector.result())

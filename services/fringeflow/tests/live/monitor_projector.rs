@@ -1,7 +1,7 @@
 //! `fringeflow project` on a virtual X server: what it shows, announces and refuses.
 
 use std::collections::BTreeSet;
-use std::io::Read as _;
+use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Command, Stdio};
 
 use rustix::process::Signal;
@@ -34,11 +34,9 @@ impl Server {
         let mut child = spawned.unwrap_or_else(|e| panic!("Xvfb cannot be run ({e}): `make setup` installs xvfb"));
         // The server writes its number when it is ready, and ends the line.
         let mut number = String::new();
-        for byte in child.stdout.as_mut().unwrap().bytes().map(Result::unwrap).take_while(|&byte| byte != b'\n') {
-            number.push(byte.into());
-        }
-        assert!(!number.is_empty(), "Xvfb does not start");
-        Self { child, display: format!(":{number}") }
+        BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut number).unwrap();
+        assert!(number.ends_with('\n'), "Xvfb does not start");
+        Self { child, display: format!(":{}", number.trim_end()) }
     }
 
     /// Returns the green of all pixels of the screen.
