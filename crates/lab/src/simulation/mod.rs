@@ -5,6 +5,7 @@
 //!                                                        ├─► View of C1, of C2 ─► image of any Pattern
 //!  Object, Board ─► Scene (pose relative to C1) ─────────┘   truth
 //!  MotionOptions ─► pose of the object in every phase image of a Simulation
+//!  Board of a calibration, VirtualRig or drawn_rig ─► CalibrationSet: images and truth of a calibration
 //!  Sweep ─► pose of the scene, image by image (VirtualScanner) ─► PoseImages ─► ImageLoop: images of a moving scanner
 //! ```
 //!
@@ -18,11 +19,13 @@
 mod alignment;
 mod board;
 mod calibration_error;
+mod calibration_set;
 mod coated_solid;
 mod colour_filter;
 mod configured;
 mod covered_camera;
 mod device;
+mod drawn_rig;
 mod faults;
 mod hand;
 mod image_loop;
@@ -53,8 +56,10 @@ mod virtual_scanner;
 
 pub use board::{Board, BoardApart};
 pub use calibration_error::CalibrationDeviation;
+pub use calibration_set::{CalibrationSet, CalibrationSetOptions, CalibrationSetSummary};
 pub use colour_filter::{Colour, ColourFilter};
 pub use configured::{ConfiguredScanner, read_configuration, read_virtual_configuration, setup_text};
+pub use drawn_rig::drawn_rig;
 pub use faults::{FaultOptions, Faults, ImageFault};
 pub use image_loop::ImageLoop;
 pub use loop_file::LoopFileProblem;
@@ -75,7 +80,9 @@ pub use view::{Centre, Sample, View};
 pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 
 use fringeflow::geometry::VolumeError;
+use fringeflow_base::atomic_file::WriteError;
 use fringeflow_dataset::DatasetError;
+use fringeflow_patterns::PatternProblem;
 use fringeflow_pixels::{DeviceImagesError, SourceFormat};
 
 /// Errors of a simulation.
@@ -211,6 +218,23 @@ pub enum SimulationError {
     /// The measurement volume is invalid.
     #[error(transparent)]
     Volume(#[from] VolumeError),
+    /// No pose of the calibration board was found that shows enough of it.
+    #[error(
+        "view {view}: no pose of {board} was found that both cameras see and the projector lights; use a board of about \
+         the size of the measurement volume"
+    )]
+    BoardUnseen {
+        /// The board.
+        board: String,
+        /// Number of the view.
+        view: usize,
+    },
+    /// The patterns of the projector are not possible.
+    #[error(transparent)]
+    Patterns(#[from] PatternProblem),
+    /// A file or folder could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
     /// The dataset could not be written.
     #[error(transparent)]
     Dataset(#[from] DatasetError),

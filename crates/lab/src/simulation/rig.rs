@@ -288,7 +288,7 @@ fn exact_rig(
 
 /// Returns the pose `camera_from_volume` of a camera at `eye` that looks at the origin of the volume, rotated by
 /// `roll_rad`.
-fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
+pub(super) fn looking_at_centre(eye: Point3, roll_rad: f64) -> Pose {
     let z = -eye.coords.normalize();
     let x = Vector3::y().cross(&z).normalize();
     let y = z.cross(&x);

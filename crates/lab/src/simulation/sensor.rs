@@ -172,9 +172,9 @@ impl Sensor {
             for (u, pixel) in row.chunks_exact_mut(bytes).enumerate() {
                 let grey = |view: &View| self.grey(view, pattern, v * view.width + u);
                 let grey = (grey(middle) + others.iter().map(grey).sum::<f64>()) / (1 + others.len()) as f64;
-                let noisy = self
-                    .noise
-                    .map_or(grey, |noise| noise.applied(grey, sensitivity.deviation(v * view.width + u), &mut rng));
+                let noisy = self.noise.map_or(grey, |noise| {
+                    noise.applied(grey, sensitivity.deviation(v * view.width + u), standard_normal(&mut rng))
+                });
                 pixel.copy_from_slice(&self.value(noisy).to_le_bytes()[..bytes]);
             }
         });
@@ -213,7 +213,7 @@ pub(super) struct Sensitivity {
 }
 
 impl Sensitivity {
-    fn deviation(&self, index: usize) -> f64 {
+    pub(super) fn deviation(&self, index: usize) -> f64 {
         self.deviations.get(index).copied().unwrap_or_default()
     }
 }
@@ -233,12 +233,13 @@ fn row_generator(seed: ImageSeed, sensor: u8, image: u32, row: usize) -> ChaCha8
 }
 
 impl Noise {
-    /// Returns a grey level with shot and read noise, at a pixel whose sensitivity deviates by a share.
-    fn applied(&self, grey: f64, deviation: f64, rng: &mut ChaCha8Rng) -> f64 {
+    /// Returns a grey level with shot and read noise, at a pixel whose sensitivity deviates by a share. `normal` is a
+    /// standard normal number.
+    pub(super) fn applied(&self, grey: f64, deviation: f64, normal: f64) -> f64 {
         let per_electron = 255.0 / self.full_well_e;
         let electrons = grey / per_electron * (1.0 + deviation);
         // With hundreds of electrons or more, the Poisson distribution is close to a normal distribution.
         let sd = (electrons.max(0.0) + self.read_noise_e * self.read_noise_e).sqrt();
-        (electrons + sd * standard_normal(rng)) * per_electron
+        (electrons + sd * normal) * per_electron
     }
 }

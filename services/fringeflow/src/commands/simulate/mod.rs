@@ -1,5 +1,7 @@
-//! `fringeflow simulate`: writes a simulated dataset folder, or a recording of the virtual scanner of a configuration.
+//! `fringeflow simulate`: writes a simulated dataset folder, the images of a calibration, or a recording of the virtual
+//! scanner of a configuration.
 
+mod calibration_set;
 mod configured;
 mod recording;
 mod simulated_time;
@@ -25,6 +27,7 @@ use crate::output_folder::has_extension;
 use crate::progress;
 use crate::values::{one_of, parse_size, unit};
 
+use calibration_set::CalibrationArgs;
 use configured::ConfiguredSimulation;
 
 /// Arguments of `fringeflow simulate`.
@@ -173,6 +176,8 @@ pub(crate) struct Args {
     /// Samples along each side of a pixel, 1 to 4.
     #[arg(long, value_name = "K", default_value_t = 2)]
     supersampling: usize,
+    #[command(flatten)]
+    calibration: CalibrationArgs,
     /// Print one JSON object.
     #[arg(long)]
     json: bool,
@@ -201,7 +206,35 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
             },
             Mode { name: "with --config and a folder", is_chosen: |args| args.config.is_some(), options: &["config"] },
             Mode {
-                name: "without --config",
+                name: "with --calibration-board",
+                is_chosen: Args::is_calibration,
+                options: &[
+                    "calibration_board",
+                    "views",
+                    "board_bend",
+                    "board_motion",
+                    "defocus",
+                    "beat",
+                    "ambient",
+                    "drawn_rig",
+                    "blur",
+                    "steps",
+                    "size",
+                    "noise",
+                    "exposure",
+                    "gamma",
+                    "seed",
+                    "depth",
+                    "period",
+                    "rig",
+                    "volume",
+                    "units",
+                    "projector_at",
+                    "symmetric",
+                ],
+            },
+            Mode {
+                name: "without --config and --calibration-board",
                 is_chosen: |_| true,
                 options: &[
                     "object",
@@ -244,6 +277,12 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         ],
         &[
             Mode {
+                name: "with --board-motion",
+                is_chosen: |args| args.is_calibration() && args.calibration.board_motion > 0.0,
+                options: &["blur"],
+            },
+            Mode { name: "without --board-motion", is_chosen: Args::is_calibration, options: &[] },
+            Mode {
                 name: "with --motion",
                 is_chosen: |args| args.motion.is_some(),
                 options: &["turn", "cycles", "blur", "tremor"],
@@ -268,7 +307,20 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         ],
         &[
             Mode { name: "with --rig", is_chosen: |args| args.rig.is_some(), options: &["rig", "volume", "units"] },
-            Mode { name: "without --rig", is_chosen: |_| true, options: &["size", "depth", "symmetric"] },
+            Mode {
+                name: "with --drawn-rig",
+                is_chosen: |args| args.calibration.drawn_rig.is_some(),
+                options: &["drawn_rig", "size"],
+            },
+            Mode {
+                name: "without --rig and --drawn-rig",
+                is_chosen: |_| true,
+                options: &["size", "depth", "symmetric", "drawn_rig"],
+            },
+        ],
+        &[
+            Mode { name: "with --drawn-rig", is_chosen: |args| args.calibration.drawn_rig.is_some(), options: &[] },
+            Mode { name: "without --drawn-rig", is_chosen: |_| true, options: &["projector_at"] },
         ],
         &[
             Mode { name: "with --projector-at", is_chosen: |args| args.projector_at.is_some(), options: &[] },
@@ -291,6 +343,9 @@ impl Args {
             let options = ConfiguredSimulation::read(config)?.dataset_options(config)?;
             return self.write(&Simulation::new(options)?);
         }
+        if let Some(board) = &self.calibration.calibration_board {
+            return self.write_calibration_set(board);
+        }
         let staging = Staging {
             shift_mm: self.shift,
             covered: self.cover,
@@ -301,6 +356,10 @@ impl Args {
             motion: self.motion(),
         };
         self.write(&Simulation::staged(self.options()?, staging)?)
+    }
+
+    fn is_calibration(&self) -> bool {
+        self.calibration.calibration_board.is_some()
     }
 
     /// Takes the images, writes the dataset, and prints its figures.
@@ -433,6 +492,7 @@ impl From<SimulationError> for Failure {
     fn from(error: SimulationError) -> Self {
         match error {
             SimulationError::Dataset(error) => Self::Dataset(error),
+            SimulationError::Write(error) => Self::Write(error),
             error => Self::unusable(error),
         }
     }
