@@ -289,8 +289,9 @@ fn other_poses(observed: &Observed, calibrated: &CalibratedRig) -> Vec<Finding> 
 fn deviating_poses(observed: &Observed, calibrated: &CalibratedRig) -> Option<Finding> {
     let mut counts = vec![[0_usize; 2]; observed.poses.len()];
     for (measurement, weight) in calibrated.problem.measurements.iter().zip(&calibrated.adjusted.weights) {
-        counts[measurement.view][0] += 1;
-        counts[measurement.view][1] += usize::from(*weight < 1.0);
+        let view = calibrated.views[measurement.view];
+        counts[view][0] += 1;
+        counts[view][1] += usize::from(*weight < 1.0);
     }
     let deviates = |[all, left_out]: &[usize; 2]| *left_out as f64 > DEVIATING * *all as f64;
     let names = counts.iter().zip(&observed.poses).filter(|(c, _)| deviates(c)).map(|(_, pose)| pose.name.as_str());

@@ -108,6 +108,8 @@ pub struct CalibratedRig {
     pub problem: Problem,
     /// Its solution.
     pub adjusted: Adjusted,
+    /// The view of each pose of the board in the state.
+    pub views: Vec<usize>,
     /// Root mean square of the residuals of each device calibrated alone, pixels.
     pub alone_rms_px: Vec<f64>,
     /// Views in which the cameras see different poses. C2 takes no part in them.
@@ -280,16 +282,13 @@ fn joint(
     from_first: &[Pose],
     other_poses: Vec<OtherPose>,
 ) -> Result<CalibratedRig, NoCalibration> {
-    let mut measurements = Vec::new();
-    let mut boards = Vec::new();
+    let (mut measurements, mut boards, mut views_of_boards) = (Vec::new(), Vec::new(), Vec::new());
     for (number, view) in views.iter().enumerate() {
         let second = || Some(from_first[1].inverse() * alone[1].poses[number]?);
-        let pose = alone[0].poses[number].or_else(second);
-        // Without a pose nothing of the view is measured; any pose will do.
-        boards.push(pose.unwrap_or_else(|| Pose::translation(0.0, 0.0, 1.0)));
-        if pose.is_some() {
-            push_measurements(&mut measurements, number, view, from_first.len() > PROJECTOR);
-        }
+        let Some(pose) = alone[0].poses[number].or_else(second) else { continue };
+        push_measurements(&mut measurements, boards.len(), view, from_first.len() > PROJECTOR);
+        boards.push(pose);
+        views_of_boards.push(number);
     }
     let half_size_m = input.features_m.iter().map(|f| f.amax()).fold(0.0, f64::max);
     let shape = if input.free_shape { BoardShape::free(half_size_m) } else { BoardShape::flat() };
@@ -303,7 +302,7 @@ fn joint(
     };
     let adjusted = adjust(&problem, state).ok_or(NoCalibration::NoSolution)?;
     let alone_rms_px = alone.iter().map(|device| device.rms_px).collect();
-    Ok(CalibratedRig { problem, adjusted, alone_rms_px, other_poses })
+    Ok(CalibratedRig { problem, adjusted, alone_rms_px, other_poses, views: views_of_boards })
 }
 
 fn push_measurements(measurements: &mut Vec<Measurement>, number: usize, view: &View, with_phase: bool) {

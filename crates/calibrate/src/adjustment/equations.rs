@@ -31,12 +31,12 @@ pub(super) struct Equations {
 
 /// Weight of a residual with this normalized norm: 1 up to a limit, and beyond it the fourth power of limit over norm, so
 /// that an outlier has no influence.
-pub(super) fn weight(norm: f64) -> f64 {
+pub(crate) fn weight(norm: f64) -> f64 {
     if norm <= FULL_WEIGHT_NORM { 1.0 } else { (FULL_WEIGHT_NORM / norm).powi(4) }
 }
 
 /// The loss whose derivative is weight times norm.
-fn loss(norm: f64) -> f64 {
+pub(crate) fn loss(norm: f64) -> f64 {
     let limit2 = FULL_WEIGHT_NORM * FULL_WEIGHT_NORM;
     let norm2 = norm * norm;
     if norm2 <= limit2 { 0.5 * norm2 } else { limit2 - 0.5 * limit2 * limit2 / norm2 }

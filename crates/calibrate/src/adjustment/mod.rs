@@ -16,6 +16,8 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 use equations::{Cost, Equations};
 
+pub(crate) use equations::{loss, weight};
+
 pub use residual::{Measured, Measurement};
 pub use state::{Device, Layout, POSE, PROJECTOR, State};
 
@@ -163,7 +165,7 @@ fn finish(problem: &Problem, state: State, median_noise: Vec<f64>) -> Option<Adj
             group.left_out += 1;
         }
         residuals_px.push(r);
-        weights.push(equations::weight(norm));
+        weights.push(weight(norm));
     }
     let used: usize = groups.iter().map(|group| group.used).sum();
     // Each parameter takes a part of the noise; all groups bear it alike.

@@ -13,7 +13,7 @@ mod tests;
 use fringeflow::geometry::{Camera, Pixel, Pose, Rig, triangulate};
 use nalgebra::{DMatrix, DVector};
 
-use crate::adjustment::{Device, Layout, PROJECTOR, State};
+use crate::adjustment::{Device, Layout, PROJECTOR, State, loss, weight};
 use crate::lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
 use crate::quality::prediction::column_sensitivity;
 use crate::shape::BoardShape;
@@ -35,9 +35,9 @@ pub struct ScanPoint {
 /// How well the columns fit.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct ColumnFit {
-    /// Mean of expected minus measured column, pixels of the projector.
-    pub mean_px: f64,
-    /// Their standard deviation about the mean, pixels.
+    /// Median of expected minus measured column, pixels of the projector.
+    pub median_px: f64,
+    /// Their standard deviation about it, from the median of its magnitude, pixels.
     pub sd_px: f64,
 }
 
@@ -58,10 +58,13 @@ pub struct Refined {
 
 /// Fewest points of a refinement.
 const FEWEST_POINTS: usize = 50;
-/// Most steps; each makes the error smaller by some orders of magnitude.
-const MAX_STEPS: usize = 10;
-/// Residuals beyond this multiple of their standard deviation belong to wrong correspondences.
-const OUTLIER_SDS: f64 = 4.0;
+/// Rounds, each with the noise that the last one left.
+const ROUNDS: usize = 4;
+/// Most steps of a round, and most halvings of a step.
+const MAX_STEPS: usize = 30;
+const MAX_HALVINGS: usize = 12;
+/// Relative decrease of the cost below which a round has converged.
+const CONVERGED: f64 = 1e-6;
 /// Standard deviation of normal numbers over the median of their magnitudes.
 const SD_PER_MEDIAN: f64 = 1.4826;
 /// Least standard deviation of a column, pixels.
@@ -159,74 +162,132 @@ pub fn is_refinable(rig: &Rig) -> bool {
 }
 
 /// Refines a rig. `prior` is the covariance of its parameters. `None` if too few points fit.
+///
+/// Gauss-Newton with halved steps on a robust cost; the noise of the columns is found again in each round.
 #[must_use]
 pub fn refine(rig: &Rig, prior: &DMatrix<f64>, points: &[ScanPoint]) -> Option<Refined> {
-    let start = state_of(rig);
     let known = prior.clone().cholesky()?.inverse();
-    let (mut state, mut moved) = (start, DVector::zeros(known.nrows()));
-    let mut fits = Vec::new();
-    let mut outcome = None;
-    for step in 0..=MAX_STEPS {
-        let measured = Residuals::of(&rig_of(&state, rig), &state, points)?;
-        fits.push(measured.fit());
-        let mut information = known.clone();
-        // The rig before stays probable as far as its covariance says.
-        let mut gradient = &known * &moved;
-        let weight = 1.0 / (measured.sd_px * measured.sd_px);
-        for (residual, by_rig) in measured.residuals.iter().zip(&measured.by_rig) {
-            information.ger(weight, by_rig, by_rig, 1.0);
-            gradient.axpy(weight * residual, by_rig, 1.0);
-        }
-        let covariance = information.cholesky()?.inverse();
-        let change = -(&covariance * gradient);
-        let is_last = step == MAX_STEPS;
-        outcome = Some((covariance, measured.used()));
-        if is_last {
-            break;
-        }
-        state = state.moved(change.as_view());
-        moved += change;
+    let scans = Scans { sizes: rig, points, known: &known };
+    let mut at = Estimate { state: state_of(rig), moved: DVector::zeros(known.nrows()) };
+    let before = scans.residuals(&at.state).fit()?;
+    for _ in 0..ROUNDS {
+        let sd_px = scans.residuals(&at.state).sd_px()?;
+        at = scans.minimize(at, sd_px)?;
     }
-    let (covariance, used) = outcome?;
-    let refined = rig_of(&state, rig);
+    let residuals = scans.residuals(&at.state);
+    let sd_px = residuals.sd_px()?;
+    let covariance = scans.equations(&at, sd_px).0.cholesky()?.inverse();
+    let used = residuals.within(sd_px);
+    if used < FEWEST_POINTS {
+        return None;
+    }
     let held = held(&covariance, prior);
-    Some(Refined { rig: refined, covariance, fits: [*fits.first()?, *fits.last()?], used, held })
+    let fits = [before, residuals.fit()?];
+    Some(Refined { rig: rig_of(&at.state, rig), covariance, fits, used: [used, points.len() - used], held })
 }
 
-/// Residuals of the points that fit, with their derivatives.
-struct Residuals {
-    residuals: Vec<f64>,
-    by_rig: Vec<DVector<f64>>,
-    sd_px: f64,
-    left_out: usize,
+/// A state on the way, and how far it is from the first one in the units of its parameters.
+struct Estimate {
+    state: State,
+    moved: DVector<f64>,
+}
+
+impl Estimate {
+    fn after(&self, step: &DVector<f64>) -> Self {
+        Self { state: self.state.moved(step.as_view()), moved: &self.moved + step }
+    }
+}
+
+/// What a refinement is computed from.
+struct Scans<'a> {
+    /// A rig with the sizes of the images.
+    sizes: &'a Rig,
+    points: &'a [ScanPoint],
+    /// Inverse of the covariance before.
+    known: &'a DMatrix<f64>,
+}
+
+/// Expected minus measured columns, pixels, of the points that the rig can triangulate.
+struct Residuals(Vec<f64>);
+
+impl Scans<'_> {
+    fn residuals(&self, state: &State) -> Residuals {
+        let rig = rig_of(state, self.sizes);
+        let residual = |point: &ScanPoint| {
+            let position = triangulate(&rig, &point.cam1_px, &point.cam2_px)?.point_cam1;
+            Some(rig.project_projector(&position)?.x - point.column_px)
+        };
+        Residuals(self.points.iter().filter_map(residual).collect())
+    }
+
+    fn cost(&self, at: &Estimate, sd_px: f64) -> f64 {
+        let residuals = self.residuals(&at.state).0;
+        // What cannot be triangulated any more costs as much as an outlier.
+        let lost = (self.points.len() - residuals.len()) as f64 * loss(f64::INFINITY);
+        let columns: f64 = residuals.iter().map(|residual| loss(residual / sd_px)).sum();
+        0.5 * at.moved.dot(&(self.known * &at.moved)) + columns + lost
+    }
+
+    /// Information and gradient of the cost. The rig before stays probable as far as its covariance says.
+    fn equations(&self, at: &Estimate, sd_px: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let rig = rig_of(&at.state, self.sizes);
+        let (mut information, mut gradient) = (self.known.clone(), self.known * &at.moved);
+        for point in self.points {
+            let Some(position) = triangulate(&rig, &point.cam1_px, &point.cam2_px).map(|t| t.point_cam1) else {
+                continue;
+            };
+            let Some(lit) = rig.project_projector(&position) else { continue };
+            let Some(by_rig) = column_sensitivity(&at.state, &position.coords) else { continue };
+            let residual = lit.x - point.column_px;
+            let weight = weight(residual.abs() / sd_px) / (sd_px * sd_px);
+            information.ger(weight, &by_rig, &by_rig, 1.0);
+            gradient.axpy(weight * residual, &by_rig, 1.0);
+        }
+        (information, gradient)
+    }
+
+    /// The estimate of the least cost near another; `None` if the equations have no solution.
+    fn minimize(&self, start: Estimate, sd_px: f64) -> Option<Estimate> {
+        let (mut at, mut cost) = (start, f64::INFINITY);
+        for _ in 0..MAX_STEPS {
+            let (information, gradient) = self.equations(&at, sd_px);
+            let mut step = -information.cholesky()?.solve(&gradient);
+            let before = if cost.is_finite() { cost } else { self.cost(&at, sd_px) };
+            let mut found = None;
+            for _ in 0..MAX_HALVINGS {
+                let next = at.after(&step);
+                let lower = self.cost(&next, sd_px);
+                if lower < before {
+                    found = Some((next, lower));
+                    break;
+                }
+                step *= 0.5;
+            }
+            let Some((next, lower)) = found else { break };
+            (at, cost) = (next, lower);
+            if before - lower <= CONVERGED * before {
+                break;
+            }
+        }
+        Some(at)
+    }
 }
 
 impl Residuals {
-    fn of(rig: &Rig, state: &State, points: &[ScanPoint]) -> Option<Self> {
-        let residual = |point: &ScanPoint| {
-            let position = triangulate(rig, &point.cam1_px, &point.cam2_px)?.point_cam1;
-            let column_px = rig.project_projector(&position)?.x;
-            Some((column_px - point.column_px, column_sensitivity(state, &position.coords)?))
-        };
-        let all: Vec<(f64, DVector<f64>)> = points.iter().filter_map(residual).collect();
-        let median = median(all.iter().map(|(residual, _)| *residual).collect())?;
-        let spread = all.iter().map(|(residual, _)| (residual - median).abs()).collect();
-        let sd_px = (SD_PER_MEDIAN * self::median(spread)?).max(LEAST_SD_PX);
-        let fits = |residual: f64| (residual - median).abs() <= OUTLIER_SDS * sd_px;
-        let (residuals, by_rig): (Vec<_>, Vec<_>) = all.into_iter().filter(|(residual, _)| fits(*residual)).unzip();
-        let left_out = points.len() - residuals.len();
-        (residuals.len() >= FEWEST_POINTS).then_some(Self { residuals, by_rig, sd_px, left_out })
+    /// Robust standard deviation about the median.
+    fn sd_px(&self) -> Option<f64> {
+        let median = median(self.0.clone())?;
+        let spread = self.0.iter().map(|residual| (residual - median).abs()).collect();
+        Some((SD_PER_MEDIAN * self::median(spread)?).max(LEAST_SD_PX))
     }
 
-    fn fit(&self) -> ColumnFit {
-        let count = self.residuals.len() as f64;
-        let mean_px = self.residuals.iter().sum::<f64>() / count;
-        let square: f64 = self.residuals.iter().map(|residual| (residual - mean_px).powi(2)).sum();
-        ColumnFit { mean_px, sd_px: (square / count).sqrt() }
+    fn fit(&self) -> Option<ColumnFit> {
+        Some(ColumnFit { median_px: median(self.0.clone())?, sd_px: self.sd_px()? })
     }
 
-    fn used(&self) -> [usize; 2] {
-        [self.residuals.len(), self.left_out]
+    /// Number of residuals with full weight.
+    fn within(&self, sd_px: f64) -> usize {
+        self.0.iter().filter(|residual| weight(residual.abs() / sd_px) >= 1.0).count()
     }
 }
 

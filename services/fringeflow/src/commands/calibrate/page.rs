@@ -79,7 +79,7 @@ fn poses(out: &mut String, outcome: &Outcome<'_>, calibrated: &CalibratedRig) {
                 .measurements
                 .iter()
                 .enumerate()
-                .filter(|(_, m)| m.view == view && m.measures(device));
+                .filter(|(_, m)| calibrated.views[m.view] == view && m.measures(device));
             let (mut square, mut used, mut left_out) = (0.0, 0_usize, 0_usize);
             for (k, _) in of_device {
                 match calibrated.adjusted.residuals_px[k] {

@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args, input: &Path) -> Result<(), Failure> {
     let is_scene = input.join(PATTERNS_FILE).exists();
     let (old, refined) = if is_scene { projector_of_scene(args, input)? } else { refine_scans(args, input)? };
     let [before, after] = refined.fits;
-    let rms_px = |fit: fringeflow_calibrate::refinement::ColumnFit| fit.mean_px.hypot(fit.sd_px);
+    let rms_px = |fit: fringeflow_calibrate::refinement::ColumnFit| fit.median_px.hypot(fit.sd_px);
     if !is_scene && rms_px(after) > WORTHWHILE * rms_px(before) {
         return Err(Failure::NotMeasurable(format!(
             "{}: the scans show nothing to refine: the columns deviate by {:.4} projector pixels, and no change of the \
@@ -76,8 +76,8 @@ fn write(out: &mut impl std::io::Write, report: &Report<'_>, args: &Args) -> std
     writeln!(out, "Refinement from {} ({points} points, {left_out} left out)", input.display())?;
     writeln!(
         out,
-        "  expected minus measured column of the projector: mean {:+.4}, sd {:.4} px before; mean {:+.4}, sd {:.4} px after",
-        before.mean_px, before.sd_px, after.mean_px, after.sd_px
+        "  expected minus measured column of the projector: median {:+.4}, sd {:.4} px before; median {:+.4}, sd {:.4} px after",
+        before.median_px, before.sd_px, after.median_px, after.sd_px
     )?;
     for change in changes {
         writeln!(out, "  changed: {change}")?;
