@@ -1,7 +1,7 @@
 //! Corners of chessboards and ChArUco boards with their ids, by the crates `calib-targets-*`.
 //!
-//! The image is searched at full and at half size, because blurred corners are found only at half size. The better of
-//! both results counts.
+//! The image is searched at full size and halved, because blurred corners are found only in smaller images. The best
+//! result counts. If there is none, it is searched at twice its size, where small squares are found.
 
 use calib_targets_charuco::{CharucoBoardSpec, CharucoDetectError, CharucoDetector, CharucoParams};
 use calib_targets_chessboard::{
@@ -39,13 +39,21 @@ impl Level {
             if halvings > 0 && image.width_px().min(image.height_px()) < SMALLEST_PX {
                 break;
             }
-            let pixels = image.stretched();
-            let view = GrayImageView { width: image.width_px(), height: image.height_px(), data: &pixels };
-            let corners = detect_corners(&view, &default_chess_config());
-            let scale = f64::from(1 << halvings);
-            levels.push(Self { width: image.width_px(), height: image.height_px(), corners, scale, pixels });
+            levels.push(Self::new(&image, f64::from(1 << halvings)));
         }
         levels
+    }
+
+    /// The image at twice its size.
+    pub(super) fn doubled(image: &BoardImage) -> Self {
+        Self::new(&image.doubled(), 0.5)
+    }
+
+    fn new(image: &BoardImage, scale: f64) -> Self {
+        let pixels = image.stretched();
+        let view = GrayImageView { width: image.width_px(), height: image.height_px(), data: &pixels };
+        let corners = detect_corners(&view, &default_chess_config());
+        Self { width: image.width_px(), height: image.height_px(), corners, scale, pixels }
     }
 
     fn view(&self) -> GrayImageView<'_> {
@@ -62,7 +70,11 @@ impl Level {
 pub(super) fn chessboard(board: &Board, image: &BoardImage) -> Result<Vec<Seed>, NotDetected> {
     let Pattern::Chessboard { corners: wanted, .. } = *board.pattern() else { return Ok(Vec::new()) };
     let mut best = Err(NotDetected::Nothing { found: 0, elements: "corners" });
-    for level in Level::all(image) {
+    let doubled = std::iter::once_with(|| Level::doubled(image));
+    for level in Level::all(image).into_iter().chain(doubled) {
+        if best.is_ok() && level.scale < 1.0 {
+            break;
+        }
         let Some(grid) = grid(&level.corners) else { continue };
         let points: Vec<_> = grid.iter().map(|(cell, at)| (*cell, level.full(*at))).collect();
         let found = placed(board, image, &points).map_err(|unplaced| match unplaced {
@@ -93,7 +105,10 @@ fn better(a: Result<Placed, NotDetected>, b: Result<Placed, NotDetected>) -> Res
 /// Corners of a ChArUco board.
 pub(super) fn charuco(board: &Board, image: &BoardImage) -> Result<Vec<Seed>, NotDetected> {
     let Pattern::Charuco { dictionary, .. } = board.pattern() else { return Ok(Vec::new()) };
-    let levels = Level::all(image);
+    let mut levels = Level::all(image);
+    if !levels.iter().any(|level| charuco_at(board, dictionary, level).is_ok_and(|seeds| !seeds.is_empty())) {
+        levels.push(Level::doubled(image));
+    }
     let best = levels.iter().map(|level| charuco_at(board, dictionary, level)).max_by_key(|seeds| match seeds {
         Ok(seeds) => seeds.len(),
         Err(_) => 0,

@@ -91,6 +91,15 @@ impl BoardImage {
         Self { width_px, height_px, levels: (0..width_px * height_px).map(|k| mean(k) as f32).collect() }
     }
 
+    /// The image at twice the size. Pixel `u` of the result is at `u / 2 − 0.25` of this image.
+    pub(super) fn doubled(&self) -> Self {
+        let (width_px, height_px) = (2 * self.width_px, 2 * self.height_px);
+        let at = |k: usize, size: usize| (k as f64 / 2.0 - 0.25).clamp(0.0, size as f64 - 1.001);
+        let level = |k: usize| self.level([at(k % width_px, self.width_px), at(k / width_px, self.height_px)]);
+        let levels = (0..width_px * height_px).map(|k| level(k).unwrap_or_default() as f32).collect();
+        Self { width_px, height_px, levels }
+    }
+
     /// The image in a mirror.
     pub(super) fn mirrored(&self) -> Self {
         let mut levels = self.levels.clone();

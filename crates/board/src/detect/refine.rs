@@ -122,6 +122,10 @@ impl Window<'_> {
             Some(radius) => self.circle(guess, place, radius),
         }
         .filter(|refined| {
+            let is_inside = |c: f64, size: usize| (0.0..size as f64 - 1.0).contains(&c);
+            is_inside(refined.at[0], self.image.width_px()) && is_inside(refined.at[1], self.image.height_px())
+        })
+        .filter(|refined| {
             let way = (refined.at[0] - guess.at[0]).hypot(refined.at[1] - guess.at[1]);
             way <= LEAST_WAY_PX.max(MOST_WAY_CELLS * self.board.cell_mm() * lengths[0].min(lengths[1]))
         })

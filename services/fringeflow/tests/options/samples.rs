@@ -26,8 +26,9 @@ const fn form(command: &'static str, arguments: &'static str) -> Form {
 const WITHOUT_PRIOR: &[[&str; 2]] = &[["--steps", "--no-prior"], ["--resolution", "--no-prior"]];
 
 pub(crate) const FORMS: &[Form] = &[
-    form("board", "chessboard:9x6:square=20 --output board.svg"),
-    form("board", "chessboard:9x6:square=20 --json"),
+    form("board", "chessboard:9x6:square=7 --output board.svg"),
+    form("board", "chessboard:9x6:square=7 --json"),
+    form("simulate", "--output set --size 128x96 --calibration-board chessboard:5x4:square=6 --views 1 --steps 3"),
     Form { command: "reconstruct", arguments: "SET --output cloud.ply", exceptions: WITHOUT_PRIOR },
     form("reconstruct", "SET --output cloud.ply --method egc"),
     // The pictures show changes that the rounded figures hide.
@@ -77,6 +78,8 @@ pub(crate) struct Inputs {
     scanner: PathBuf,
 }
 
+const BOARD: &str = "simulate --output boards --calibration-board chessboard:9x6:square=7 --views 1 --steps 3";
+
 const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
                           --motion 0.5 --two-directions --noise low";
 
@@ -84,6 +87,8 @@ impl Inputs {
     pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let made = run(folder.path(), &SIMULATION.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+        assert!(made.is_success(), "{}", made.stderr);
+        let made = run(folder.path(), &BOARD.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         assert!(made.is_success(), "{}", made.stderr);
         std::fs::write(folder.path().join("settings.toml"), SETTINGS).unwrap();
         std::fs::write(folder.path().join("scanner.toml"), SCANNER).unwrap();
@@ -101,6 +106,7 @@ impl Inputs {
             "SCAN" => self.scan.clone(),
             "TOOTH" => self.scanner.clone(),
             "TABLE" => self.folder.path().join("table.txt"),
+            "BOARD" => self.folder.path().join("boards/view_00/cam1/000.png"),
             "SETTINGS" => self.folder.path().join("settings.toml"),
             "SCANNER" => self.folder.path().join("scanner.toml"),
             word => return word.to_owned(),
@@ -185,6 +191,12 @@ pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> 
         (_, "--cycles") => "3",
         (_, "--tremor") => "0.1",
         (_, "--projector-at") => "--projector-at=150,-60,0",
+        (_, "--calibration-board") => "chessboard:5x4:square=6",
+        (_, "--views" | "--board-bend") => "2",
+        (_, "--board-motion" | "--ambient") => "0.2",
+        (_, "--defocus") => "3",
+        (_, "--beat") => "0.1",
+        (_, "--drawn-rig") => "5",
         (_, "--albedo") => "0.3",
         (_, "--gloss") => "2",
         (_, "--exposure") => "0.7",

@@ -21,7 +21,7 @@ const DEFOCUS_AT: f64 = 0.1;
 /// Distance from the projector at which the light is 1, metres.
 const REFERENCE_DISTANCE_M: f64 = 0.31;
 /// Points of a pixel at which the print is looked at: an evenly spread sequence (Roberts 2018), so that an edge in any
-/// direction passes them one by one.
+/// direction passes them one by one, and its mirror image, so that the middle of them is that of the pixel.
 const LOOKS: usize = 16;
 const SPREAD: [f64; 2] = [0.754_877_666_2, 0.569_840_290_998];
 
@@ -152,7 +152,10 @@ impl Eye<'_> {
         let at = |u: usize, v: usize| seen[v * w + u];
         let is_inner = u > 0 && v > 0 && u + 1 < w && v + 1 < h;
         let around = is_inner.then(|| [at(u - 1, v), at(u + 1, v), at(u, v - 1), at(u, v + 1)]);
-        let offset = |k: usize| [0, 1].map(|i| (SPREAD[i] * (k as f64 + 0.5)) % 1.0 - 0.5);
+        let offset = |k: usize| {
+            let side = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+            SPREAD.map(|spread| side * ((spread * ((k / 2) as f64 + 0.5)) % 1.0 - 0.5))
+        };
         match (at(u, v), around) {
             (None, Some([None, None, None, None])) => [0.0; 6],
             (Some(middle), Some([Some(left), Some(right), Some(up), Some(down)]))
