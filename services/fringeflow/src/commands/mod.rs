@@ -112,7 +112,7 @@ pub(crate) enum Command {
     /// List the running instances, or show one of them: rates, latencies, drops.
     Status(status::Args),
     /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
-    Simulate(simulate::Args),
+    Simulate(Box<simulate::Args>),
 }
 
 impl Command {

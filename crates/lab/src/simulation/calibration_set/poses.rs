@@ -74,7 +74,7 @@ fn pose(rig: &Rig, volume: &MeasurementVolume, view: usize, calm: f64, rng: &mut
     let reach = ((volume.max().z - volume.min().z) / 2.0).max(DEPTH_SHARE * (middle_z - origin.z));
     let depth = middle_z + calm * between(-reach, reach);
     let target = origin + ray * ((depth - origin.z) / ray.z);
-    let tilt = if view % 5 == 0 { between(0.0, UPRIGHT_RAD) } else { between(TILT_RAD[0], TILT_RAD[1]) };
+    let tilt = if view.is_multiple_of(5) { between(0.0, UPRIGHT_RAD) } else { between(TILT_RAD[0], TILT_RAD[1]) };
     let (sin, cos) = between(0.0, TAU).sin_cos();
     let axis = nalgebra::Unit::new_normalize(Vector3::new(cos, sin, 0.0));
     let turn = between(-ROLL_RAD, ROLL_RAD) + if view % 6 == 5 { FRAC_PI_2 } else { 0.0 };
