@@ -27,5 +27,5 @@ mod detect;
 mod sheet;
 
 pub use board::{Board, BoardError, Marker, Pattern, Tags};
-pub use detect::{BoardImage, Detection, NotDetected, detect};
+pub use detect::{BoardImage, Detection, NotDetected, detect, detect_again};
 pub use sheet::{Page, Sheet, SheetError, UnknownPage};

@@ -60,8 +60,8 @@ const SATURATED: Limit = Limit { warning: 0.02, refusal: 0.3 };
 const MOVED_PX: Limit = Limit { warning: 0.2, refusal: 1.0 };
 /// Width of the edges of the board, pixels. An ideal sensor with a sharp lens has 1 to 2.5.
 const EDGE_PX: Limit = Limit { warning: 5.0, refusal: 10.0 };
-/// Residual of the fringes relative to their modulation. Gamma alone causes up to 0.3.
-const RESIDUAL: Limit = Limit { warning: 0.2, refusal: 0.4 };
+/// Residual of the fringes relative to their modulation. A gamma of 2.2 causes up to 0.2, two exchanged images more.
+const RESIDUAL: Limit = Limit { warning: 0.1, refusal: 0.25 };
 /// Share of pixels with fringes whose Gray code does not fit their phase.
 const UNCODED: Limit = Limit { warning: 0.2, refusal: 0.5 };
 /// Root mean square of the reprojection errors, in thousandths of the image's width.
@@ -101,8 +101,9 @@ pub fn in_images(observed: &Observed) -> Vec<Finding> {
     say(&HARMONIC, of_all(|s| s.second_harmonic_share), "gamma", &|share| {
         let gamma = (1.0 + 2.0 * share) / (1.0 - share);
         format!(
-            "the projector is not linear: the fringes have a second harmonic of {:.0} %, as with a gamma of {gamma:.1}; \
-             set the projector's gamma to 1, or write its images with `fringeflow patterns --gamma {gamma:.1}`",
+            "the projector is not linear: the fringes have a second harmonic of {:.0} %, as with a gamma of {gamma:.1}, or of \
+             more where it is not sharp; set the projector's gamma to 1, or make its images with `fringeflow patterns \
+             --gamma`",
             100.0 * share
         )
     });

