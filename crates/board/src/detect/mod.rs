@@ -7,7 +7,7 @@
 //!
 //! In: a board and a grey image. Out: image points of the features with ids and standard deviations. A feature whose
 //! surroundings do not look as the board says is left out: a missing feature does no harm, a wrong one does. Cost: about
-//! 50 ms for 117 corners in 640 × 512 pixels on one core.
+//! 120 ms of a core for 117 corners in 640 × 512 pixels.
 
 mod circles;
 mod corners;
