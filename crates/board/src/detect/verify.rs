@@ -3,6 +3,7 @@
 //! 1. The image around a feature looks as the board does there.
 //! 2. The cells of the markers in the image are those of the board.
 //! 3. No feature stands out from its neighbours.
+//! 4. No feature was fitted far worse than the others: the border of a light or of a shadow may cross its edges.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,6 +24,8 @@ const LEAST_CELLS: f64 = 0.75;
 const NEIGHBOURS: usize = 12;
 const TOLERANCE_PX: f64 = 0.5;
 const TOLERANCE_MEDIANS: f64 = 6.0;
+/// Largest standard deviation in medians of all, from which a feature is left out.
+const MOST_SD_MEDIANS: f64 = 4.0;
 
 /// The detections that pass all checks.
 pub(super) fn verified(board: &Board, image: &BoardImage, refinement: Refinement) -> Vec<Detection> {
@@ -34,6 +37,12 @@ pub(super) fn verified(board: &Board, image: &BoardImage, refinement: Refinement
         return Vec::new();
     }
     remove_outstanding(&mut found, &places, &map);
+    let mut deviations: Vec<f64> = found.iter().map(|refined| refined.sd_px).collect();
+    if !deviations.is_empty() {
+        let middle = deviations.len() / 2;
+        let median = *deviations.select_nth_unstable_by(middle, f64::total_cmp).1;
+        found.retain(|refined| refined.sd_px <= MOST_SD_MEDIANS * median);
+    }
     found.iter().map(|r| Detection { feature: r.feature, pixel: r.at, sd_px: r.sd_px }).collect()
 }
 
