@@ -116,6 +116,11 @@ fn the_options_of_simulate_act() {
 }
 
 #[test]
+fn the_options_of_board_act() {
+    check("board");
+}
+
+#[test]
 fn the_options_of_rig_act() {
     check("rig");
 }
