@@ -121,6 +121,11 @@ fn the_options_of_board_act() {
 }
 
 #[test]
+fn the_options_of_calibrate_act() {
+    check("calibrate");
+}
+
+#[test]
 fn the_options_of_rig_act() {
     check("rig");
 }

@@ -28,6 +28,8 @@ const WITHOUT_PRIOR: &[[&str; 2]] = &[["--steps", "--no-prior"], ["--resolution"
 pub(crate) const FORMS: &[Form] = &[
     form("board", "chessboard:9x6:square=7 --output board.svg"),
     form("board", "chessboard:9x6:square=7 --json"),
+    // A calibration from so few poses is refused.
+    form("calibrate", "BOARDS --board chessboard:9x6:square=7 --output calibration.yml --force"),
     form("simulate", "--output set --size 128x96 --calibration-board chessboard:5x4:square=6 --views 1 --steps 3"),
     Form { command: "reconstruct", arguments: "SET --output cloud.ply", exceptions: WITHOUT_PRIOR },
     form("reconstruct", "SET --output cloud.ply --method egc"),
@@ -78,7 +80,8 @@ pub(crate) struct Inputs {
     scanner: PathBuf,
 }
 
-const BOARD: &str = "simulate --output boards --calibration-board chessboard:9x6:square=7 --views 1 --steps 3";
+const BOARD: &str = "simulate --output boards --calibration-board chessboard:9x6:square=7 --views 4 --steps 3 \
+                     --size 200x160";
 
 const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
                           --motion 0.5 --two-directions --noise low";
@@ -106,6 +109,8 @@ impl Inputs {
             "SCAN" => self.scan.clone(),
             "TOOTH" => self.scanner.clone(),
             "TABLE" => self.folder.path().join("table.txt"),
+            "BOARDS" => self.folder.path().join("boards"),
+            "EXACT" => self.folder.path().join("boards/exact.yml"),
             "BOARD" => self.folder.path().join("boards/view_00/cam1/000.png"),
             "SETTINGS" => self.folder.path().join("settings.toml"),
             "SCANNER" => self.folder.path().join("scanner.toml"),
@@ -125,6 +130,11 @@ const SCANNER: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 50\nstereo_layout
 /// Returns an option with a value that the command accepts, and that differs from the default one.
 pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> {
     let value = match (form.command, option) {
+        ("calibrate", "--report") => "report.html",
+        ("calibrate", "--refine") => "SET",
+        ("calibrate", "--from") => "EXACT",
+        ("calibrate", "--compare") => "EXACT",
+        ("calibrate", "--rulers") => "71,51",
         ("board", "--page") => "a3",
         ("board", "--find") => "BOARD",
         ("evaluate" | "reconstruct", "--method") => "cgc",
