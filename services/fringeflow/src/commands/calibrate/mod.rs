@@ -88,7 +88,8 @@ pub(super) struct Outcome<'a> {
     board: &'a Board,
     observed: &'a Observed,
     assessment: &'a Assessment,
-    changes: Vec<Change>,
+    /// What moved since the calibration of --compare.
+    changes: Option<Vec<Change>>,
     scan: Option<ExpectedScan>,
 }
 
@@ -129,11 +130,11 @@ impl Args {
         observed.views.free_shape = self.bent_board;
         let mut assessment = Assessment::of(&observed);
         let calibrated = assessment.calibrated.as_ref().ok();
-        let mut changed = Vec::new();
+        let mut changed = None;
         if let (Some(old), Some(calibrated)) = (&old, calibrated)
             && let Some(new) = calibrated.rig()
         {
-            changed = changes(old, &new, &calibrated.adjusted.covariance);
+            changed = Some(changes(old, &new, &calibrated.adjusted.covariance));
             if cameras_exchanged(old, &new) {
                 assessment.findings.insert(0, exchanged(self.compare.as_deref()));
             }

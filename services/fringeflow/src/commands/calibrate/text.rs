@@ -41,10 +41,11 @@ pub(super) fn write_figures(out: &mut impl Write, outcome: &Outcome<'_>) -> io::
             writeln!(out, "  {} (depth ± {:.4} mm)", pose.words, pose.expected.depth_mm)?;
         }
     }
-    for change in &outcome.changes {
-        writeln!(out, "changed: {change}")?;
+    let Some(changes) = &outcome.changes else { return Ok(()) };
+    if changes.is_empty() {
+        writeln!(out, "nothing has moved since the earlier calibration, as far as this one can tell")?;
     }
-    Ok(())
+    changes.iter().try_for_each(|change| writeln!(out, "changed: {change}"))
 }
 
 /// A device in the table.
