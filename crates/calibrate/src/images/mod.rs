@@ -1,6 +1,6 @@
 //! From images of the board under the patterns of the projector to observations.
 //!
-//! In: the images of one camera in one pose of the board, in the order of the pattern set. Out: [`CameraView`], and the
+//! In: the images of one camera in one pose of the board, in the order of the pattern set. Out: [`crate::observations::CameraView`], and the
 //! signs of what may be wrong with the images. Cost: some ten milliseconds per image.
 
 mod coordinates;
