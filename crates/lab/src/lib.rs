@@ -4,6 +4,7 @@
 //!  simulation ─► dataset, images, truth ─► (the method) ─► cloud ─► evaluation ─► com, miss, fpc, 3D error
 //!  paper_experiment: the tables of the paper, measured with both
 //!  scene_lists: two lists of hundreds of scenes, to build the method and to judge it
+//!  artefact: cloud of a plate, a ball or a ball bar ─► form, size, spacing, noise, likely causes
 //!  rig_report: what a rig can be expected to do       preview: pictures of phase, depth, decisions and δ
 //! ```
 //!
@@ -20,6 +21,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod artefact;
 pub mod evaluation;
 pub mod paper_experiment;
 pub mod preview;

@@ -54,6 +54,9 @@ pub(crate) enum Failure {
     /// No measurement succeeded.
     #[error("{0}")]
     NothingMeasured(String),
+    /// A measured artefact shows errors beyond its limits.
+    #[error("{0}")]
+    OutsideLimits(String),
     /// The command did its work, but data are missing.
     #[error("{0}")]
     Losses(String),
@@ -103,7 +106,7 @@ impl Failure {
             Self::Recording(RecordingError { problem: RecordingProblem::Exists, .. }) => 2,
             Self::Recording(error) if error.problem.is_about_writing() => 1,
             Self::Recording(_) | Self::NotMeasurable(_) => 2,
-            Self::Damaged(_) | Self::Mismatch(_) | Self::NothingMeasured(_) => 1,
+            Self::Damaged(_) | Self::Mismatch(_) | Self::NothingMeasured(_) | Self::OutsideLimits(_) => 1,
             Self::Dataset(DatasetError::Write(_) | DatasetError::File { problem: Problem::Unwritable(_), .. }) => 1,
             Self::Patterns(PatternError { problem: PatternProblem::Unwritable(_), .. }) => 1,
             Self::Patterns(_) => 2,

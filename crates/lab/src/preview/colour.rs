@@ -46,7 +46,8 @@ pub(super) fn sequential(share: f32) -> Rgb {
 }
 
 /// Returns the colour of a share in [−1, 1] of the range: blue, light grey, red.
-pub(super) fn diverging(share: f32) -> Rgb {
+#[must_use]
+pub fn diverging(share: f32) -> Rgb {
     let end = if share < 0.0 { BLUE } else { VERMILION };
     mix(INK, end, share.abs().min(1.0))
 }

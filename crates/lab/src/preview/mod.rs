@@ -28,6 +28,7 @@ mod picture;
 mod scale;
 mod shading;
 
+pub use colour::diverging;
 pub use confidence::confidence_picture;
 pub use depth::depth_picture;
 pub use drift::drift_picture;

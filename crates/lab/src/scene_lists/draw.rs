@@ -256,7 +256,7 @@ mod tests {
                 let count = scenes.iter().filter(|scene| scene.kind == kind && scene.layout == layout).count();
                 assert_eq!(count, 6, "{kind:?}, {layout:?}");
             }
-            for object in Object::ALL {
+            for object in Object::ALL.into_iter().filter(|object| !object.is_artefact()) {
                 assert!(scenes.iter().any(|scene| scene.options.object == object), "{object:?}");
             }
             let steps = |wanted: usize| scenes.iter().filter(|scene| scene.options.steps == wanted).count();

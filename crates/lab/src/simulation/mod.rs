@@ -79,6 +79,9 @@ pub use truth::truth;
 pub use view::{Centre, Sample, View};
 pub use virtual_scanner::{VirtualScanner, VirtualScannerOptions};
 
+#[cfg(test)]
+pub(crate) use normal::standard_normal;
+
 use fringeflow::geometry::VolumeError;
 use fringeflow_base::atomic_file::WriteError;
 use fringeflow_dataset::DatasetError;

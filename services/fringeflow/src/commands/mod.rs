@@ -24,6 +24,7 @@ mod service;
 mod simulate;
 mod status;
 mod status_list;
+mod verify;
 
 use crate::failure::Failure;
 use crate::globals::Globals;
@@ -113,6 +114,15 @@ pub(crate) enum Command {
     Status(status::Args),
     /// Simulate a scanner: write a dataset folder with images, calibration and exact truth.
     Simulate(Box<simulate::Args>),
+    /// Field check: measure a plate, a ball or a ball bar of known size, and judge the scanner by it.
+    ///
+    /// Finds the artefact in each cloud and tells apart noise, form and trueness, in the manner of VDI/VDE 2634: probing
+    /// errors of form and size (PF, PS), error of the ball spacing (SD), flatness (F). Names likely causes where the data
+    /// show them.
+    ///
+    /// Exit code 1: a figure is outside the limits, or the artefact is not there. Exit code 3: it was not measured in some
+    /// clouds.
+    Verify(verify::Args),
 }
 
 impl Command {
@@ -144,6 +154,7 @@ impl Command {
             Self::Service(args) => service::OPTIONS.check(args, command, matches),
             Self::Status(args) => status::OPTIONS.check(args, command, matches),
             Self::Simulate(args) => simulate::OPTIONS.check(args, command, matches),
+            Self::Verify(args) => verify::OPTIONS.check(args, command, matches),
         }
     }
 
@@ -172,6 +183,7 @@ impl Command {
             Self::Service(args) => args.run(globals),
             Self::Status(args) => args.run(),
             Self::Simulate(args) => args.run(),
+            Self::Verify(args) => args.run(),
         }
     }
 }

@@ -3,12 +3,13 @@
 use std::io::{self, Write};
 
 use super::RunFigures;
+use super::markup::COMMON_STYLE;
 
 /// A placeholder is a name between two `@@`.
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &[&str] = &[
     include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"),
-    include_str!("../../../monitor/page/common.css"),
+    COMMON_STYLE,
     include_str!("page/page.css"),
 ];
 const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");

@@ -6,8 +6,10 @@
 
 mod figures;
 mod html;
+mod markup;
 mod run_page;
 
 pub(crate) use figures::{RunFigures, RunInfo, StageLine, WindowLine};
 pub(crate) use html::write_html;
+pub(crate) use markup::{COMMON_STYLE, escaped};
 pub(crate) use run_page::RunPage;

@@ -1,6 +1,7 @@
 //! The measured objects as signed distance functions: the seven objects of the paper (section 3) in their sizes, and
 //! harder ones.
 
+mod artefacts;
 mod assembled;
 mod bodies;
 mod bowl;
@@ -68,6 +69,10 @@ pub enum Object {
     Hand,
     /// Isolated bodies without a plate.
     Bodies,
+    /// A ball of 20 mm on a pin, to check a scanner on.
+    Sphere,
+    /// Two balls of 20 mm at a distance of 60 mm, joined by a bar, to check a scanner on.
+    BallBar,
 }
 
 impl Object {
@@ -76,7 +81,7 @@ impl Object {
         [Self::Plane, Self::Prism, Self::Machine, Self::Teeth, Self::Tooth, Self::Nose, Self::Elephant];
 
     /// All objects, those of the paper first.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 21] = [
         Self::Plane,
         Self::Prism,
         Self::Machine,
@@ -96,7 +101,15 @@ impl Object {
         Self::Crowd,
         Self::Hand,
         Self::Bodies,
+        Self::Sphere,
+        Self::BallBar,
     ];
+
+    /// Whether the object is an artefact of known size, to check a scanner on.
+    #[must_use]
+    pub fn is_artefact(self) -> bool {
+        matches!(self, Self::Sphere | Self::BallBar)
+    }
 
     /// Returns the names of all objects, for messages.
     #[must_use]
@@ -128,6 +141,8 @@ impl Object {
             Self::Crowd => "crowd",
             Self::Hand => "hand",
             Self::Bodies => "bodies",
+            Self::Sphere => "sphere",
+            Self::BallBar => "ball-bar",
         }
     }
 
@@ -178,6 +193,8 @@ impl Object {
             Self::Crowd => Box::new(crowd::crowd()),
             Self::Hand => Box::new(ScaledSolid { solid: Box::new(Hand::at(HAND_ORIGIN.into())), factor: HAND_FACTOR }),
             Self::Bodies => Box::new(assembled::isolated()),
+            Self::Sphere => Box::new(artefacts::sphere()),
+            Self::BallBar => Box::new(artefacts::ball_bar()),
         }
     }
 }

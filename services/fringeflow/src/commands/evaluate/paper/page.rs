@@ -1,6 +1,8 @@
 //! The page of the experiment: one HTML file without scripts, for light and dark screens.
 
-use super::table::{Table, escaped};
+use crate::report::escaped;
+
+use super::table::Table;
 use super::{NamedPicture, SHORT_TABLES};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:72rem;padding:0 1rem;\

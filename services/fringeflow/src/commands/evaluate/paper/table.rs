@@ -1,5 +1,7 @@
 //! A table, as Markdown and as HTML.
 
+use crate::report::escaped;
+
 /// A table with a title and a note.
 pub(super) struct Table {
     pub(super) title: String,
@@ -41,11 +43,6 @@ impl Table {
             rows.collect::<String>()
         )
     }
-}
-
-/// Escapes a text for HTML.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 #[cfg(test)]
