@@ -92,23 +92,34 @@ fn scale(windows: &[&Measurement], spacing_u_m: f64) -> Option<Cause> {
         Measurement::Balls { spacings, .. } => spacings.as_slice(),
         Measurement::Plane(_) => &[],
     });
-    let (mut shares, mut u, mut certificate) = (Vec::new(), Vec::new(), 0.0_f64);
+    let (mut shares, mut u, mut shortest_m) = (Vec::new(), Vec::new(), f64::INFINITY);
     for spacing in spacings {
         shares.push(spacing.error_m / spacing.certified_m);
         u.push(spacing.u_m / spacing.certified_m);
-        certificate = certificate.max(spacing_u_m / spacing.certified_m);
+        shortest_m = shortest_m.min(spacing.certified_m);
     }
-    let (share, u) = mean_with_u(&shares, median(&mut u), certificate)?;
-    Some(Cause::Scale { share, u })
+    let (share, u) = mean_with_u(&shares, median(&mut u), spacing_u_m / shortest_m)?;
+    // Where a ball is measured too large or too small, its centre may be wrong by as much as its radius.
+    let mut off_m: Vec<f64> = size_errors(windows, share).map(|error_m| error_m.abs() / 2.0).collect();
+    let u_centres = std::f64::consts::SQRT_2 * median(&mut off_m) / shortest_m;
+    Some(Cause::Scale { share, u: u.hypot(u_centres) })
+}
+
+/// Errors of the diameters of all balls that a scale error leaves, metres.
+fn size_errors(windows: &[&Measurement], scale_share: f64) -> impl Iterator<Item = f64> {
+    let balls = windows.iter().flat_map(|window| window.balls());
+    balls.map(move |ball| ball.size_error_m - scale_share * 2.0 * ball.sphere.radius_m)
 }
 
 fn ball_size(windows: &[&Measurement], diameter_u_m: f64, scale: Option<Cause>) -> Option<Cause> {
     let share = if let Some(Cause::Scale { share, .. }) = scale { share } else { 0.0 };
     let balls = || windows.iter().flat_map(|window| window.balls());
-    let errors: Vec<f64> = balls().map(|ball| ball.size_error_m - share * 2.0 * ball.sphere.radius_m).collect();
+    let errors: Vec<f64> = size_errors(windows, share).collect();
     let mut u: Vec<f64> = balls().map(|ball| ball.diameter_u_m).collect();
+    let mut noise: Vec<f64> = balls().map(|ball| ball.surface.noise_m[0]).collect();
     let (error_m, u_m) = mean_with_u(&errors, median(&mut u), diameter_u_m)?;
-    (error_m.abs() > SURE * u_m).then_some(Cause::BallSize { error_m, u_m })
+    // What is below the noise of a point matters to nobody, even if many points show it.
+    (error_m.abs() > (SURE * u_m).max(median(&mut noise))).then_some(Cause::BallSize { error_m, u_m })
 }
 
 fn bend(windows: &[&Measurement]) -> Option<Cause> {

@@ -118,7 +118,11 @@ fn confirmed(cubes: &Cubes<'_>, centre: Point3, radius_m: f64) -> Option<Sphere>
     let mut ball = Sphere { centre, radius_m };
     let mut shell = Vec::new();
     for _ in 0..3 {
-        shell = cubes.around(&ball.centre, 1).filter(|point| is_on_shell(point, &ball.centre, ball.radius_m)).copied().collect();
+        shell = cubes
+            .around(&ball.centre, 1)
+            .filter(|point| is_on_shell(point, &ball.centre, ball.radius_m))
+            .copied()
+            .collect();
         ball = SphereFit::new(&shell, ball)?.sphere;
         if (ball.radius_m / radius_m - 1.0).abs() > RADIUS_SHARE || (ball.centre - centre).norm() > 0.2 * radius_m {
             return None;
@@ -129,7 +133,8 @@ fn confirmed(cubes: &Cubes<'_>, centre: Point3, radius_m: f64) -> Option<Sphere>
         let away = *point - ball.centre;
         away.norm() <= (1.0 + 4.0 * SHELL_SHARE) * ball.radius_m && across(&away, &axis) <= DISC_SHARE * ball.radius_m
     };
-    let all = cubes.around(&ball.centre, 1).filter(within).filter(|point| (*point - ball.centre).dot(&axis) > 0.0).count();
+    let all =
+        cubes.around(&ball.centre, 1).filter(within).filter(|point| (*point - ball.centre).dot(&axis) > 0.0).count();
     let on_disc = shell.iter().filter(within).count();
     let is_solid = on_disc as f64 >= SOLID_SHARE * all as f64;
     (is_solid && covered_share(&shell, &ball, &axis) >= COVERED_SHARE).then_some(ball)

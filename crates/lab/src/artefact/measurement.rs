@@ -2,14 +2,14 @@
 
 use nalgebra::Matrix4;
 
-use fringeflow::geometry::{Point3, Vector3};
+use fringeflow::geometry::Point3;
 
-use super::cells::Cells;
+use super::cells::{CELL_POINTS, Cells};
 use super::find_plane::find_plane;
 use super::find_spheres::find_spheres;
 use super::fit::{Fitted, LeftOut, fit};
 use super::plane::Plane;
-use super::region::{extent_m, places_on_ball, places_on_plane, region_of_ball, region_of_plane};
+use super::region::{extent_m, facing, pitch, places_on_ball, places_on_plane, region_of_ball, region_of_plane};
 use super::ripple::{Ripple, strongest};
 use super::sphere::{Sphere, SphereFit};
 use super::statistics::range;
@@ -26,6 +26,8 @@ const FAR_FROM_BALL: f64 = 0.05;
 const SPACING_SHARE: f64 = 0.05;
 /// Most balls of one diameter that are searched beyond those of the artefact.
 const MORE_BALLS: usize = 4;
+/// Largest share of the points in the middle of an artefact that are far from its surface.
+const MAX_FAR_SHARE: f64 = 0.1;
 /// Fewest points with which a surface is measured.
 const MIN_POINTS: usize = 500;
 
@@ -143,6 +145,15 @@ pub enum NotFound {
         /// The distance nearest to it, millimetres.
         nearest_mm: f64,
     },
+    /// Something else is where the artefact should be.
+    #[error(
+        "{percent:.0} % of the points in the middle of the artefact do not lie on it; take away what stands before it, or \
+         name another artefact"
+    )]
+    Covered {
+        /// Their share, percent.
+        percent: f64,
+    },
     /// A surface was found, but it has too few points to fit.
     #[error("the artefact has {points} points in its middle, too few to measure; move closer or use larger images")]
     FewOnSurface {
@@ -164,7 +175,8 @@ pub fn measure(points: &MeasuredPoints<'_>, artefact: &Artefact) -> Result<Measu
         Artefact::Plane => measure_plane(points).map(Measurement::Plane),
         Artefact::Balls { diameters_m, spacings_m } => {
             let spheres = chosen_balls(points.points_m, diameters_m, spacings_m)?;
-            let balls = spheres.iter().zip(diameters_m).map(|(sphere, diameter)| measure_ball(points, *sphere, *diameter));
+            let balls =
+                spheres.iter().zip(diameters_m).map(|(sphere, diameter)| measure_ball(points, *sphere, *diameter));
             let balls: Vec<BallFigures> = balls.collect::<Result<_, _>>()?;
             let pairs = balls.iter().zip(balls.iter().skip(1)).zip(spacings_m);
             let spacings = pairs.map(|((a, b), certified)| spacing(a, b, *certified)).collect();
@@ -187,6 +199,7 @@ fn measure_plane(points: &MeasuredPoints<'_>) -> Result<FlatFigures, NotFound> {
     }
     let far_m = FAR_FROM_PLANE * extent_m(all);
     let fitted = fit(&region_points, start, far_m, |points, _| Plane::fit(points), Plane::distance_m).ok_or(few)?;
+    check_cover(&fitted.left_out)?;
     let places = places_on_plane(&fitted.surface, &region_points, points.views);
     let (surface, trend) = figures(points, &region, &region_points, &places, &fitted, Plane::distance_m);
     let bend = trend.map(|trend| trend.bend(&surface.cells));
@@ -204,14 +217,9 @@ fn measure_ball(points: &MeasuredPoints<'_>, start: Sphere, diameter_m: f64) -> 
     let refit = |points: &[Point3], sphere: &Sphere| SphereFit::new(points, *sphere).map(|fit| fit.sphere);
     let fitted = fit(&region_points, start, FAR_FROM_BALL * start.radius_m, refit, Sphere::distance_m);
     let fitted = fitted.ok_or_else(|| few.clone())?;
+    check_cover(&fitted.left_out)?;
     let sphere = fitted.surface;
-    let axis = match points.views {
-        Views::Cam1 => -sphere.centre.coords.normalize(),
-        Views::Several => {
-            let outward: Vector3 = region_points.iter().filter_map(|p| (p - sphere.centre).try_normalize(0.0)).sum();
-            outward.try_normalize(0.0).unwrap_or_else(Vector3::z)
-        }
-    };
+    let axis = facing(&sphere, &region_points, points.views);
     let places = places_on_ball(&sphere, &axis, &region_points);
     let (surface, _) = figures(points, &region, &region_points, &places, &fitted, Sphere::distance_m);
     let covariance = covariance(&region_points, &fitted, &surface.cells).ok_or(few)?;
@@ -222,6 +230,11 @@ fn measure_ball(points: &MeasuredPoints<'_>, start: Sphere, diameter_m: f64) -> 
         covariance,
         surface,
     })
+}
+
+fn check_cover(left_out: &LeftOut) -> Result<(), NotFound> {
+    let share = left_out.far as f64 / left_out.points.max(1) as f64;
+    if share > MAX_FAR_SHARE { Err(NotFound::Covered { percent: share * 100.0 }) } else { Ok(()) }
 }
 
 /// Covariance of centre and radius. Neighbouring points share their errors, so each cell counts as one observation, with
@@ -256,7 +269,8 @@ fn figures<S>(
     let ripple = points.fringes.and_then(|(phases_rad, steps)| {
         let phases: Vec<f64> = fitted.used.iter().map(|&i| phases_rad[region[i]]).collect();
         let bend = |place: &[f64; 2]| trend.as_ref().map_or(0.0, |trend| trend.at(place));
-        let smooth: Vec<f64> = residuals_m.iter().zip(&used_places).map(|(residual, place)| residual - bend(place)).collect();
+        let smooth: Vec<f64> =
+            residuals_m.iter().zip(&used_places).map(|(residual, place)| residual - bend(place)).collect();
         strongest(&phases, &smooth, steps)
     });
     let far: Vec<f64> = far_residuals(fitted, region_points.len(), residual);
@@ -285,7 +299,7 @@ fn far_residuals<S>(fitted: &Fitted<S>, count: usize, residual: impl Fn(usize) -
 
 /// A width that stays where the density of the points changes a little: a power of the square root of two.
 fn steady_width(places: &[[f64; 2]]) -> f64 {
-    let width = super::region::pitch(places.iter().copied(), super::cells::CELL_POINTS);
+    let width = pitch(places.iter().copied(), CELL_POINTS);
     ((2.0 * width.log2()).round() / 2.0).exp2()
 }
 
@@ -315,22 +329,17 @@ fn chosen_balls(points: &[Point3], diameters_m: &[f64], spacings_m: &[f64]) -> R
 }
 
 /// Tries all rows of balls, and keeps the one whose worst spacing is nearest to the certified one, as a share.
-fn choose(
-    choices: &[&[Sphere]],
-    spacings_m: &[f64],
-    row: &mut Vec<Sphere>,
-    worst: f64,
-    best: &mut (f64, Vec<Sphere>),
-) {
+fn choose(choices: &[&[Sphere]], spacings_m: &[f64], row: &mut Vec<Sphere>, worst: f64, best: &mut (f64, Vec<Sphere>)) {
     let Some(candidates) = choices.get(row.len()) else {
         *best = (worst, row.clone());
         return;
     };
     for ball in *candidates {
         let certified = row.len().checked_sub(1).and_then(|before| spacings_m.get(before));
-        let misfit = row.last().zip(certified).map_or(0.0, |(before, certified)| {
-            ((ball.centre - before.centre).norm() / certified - 1.0).abs()
-        });
+        let misfit = row
+            .last()
+            .zip(certified)
+            .map_or(0.0, |(before, certified)| ((ball.centre - before.centre).norm() / certified - 1.0).abs());
         let worst = worst.max(misfit);
         if worst < best.0 && !row.iter().any(|other| other.centre == ball.centre) {
             row.push(*ball);
@@ -343,7 +352,8 @@ fn choose(
 fn no_spacing(choices: &[&[Sphere]], spacings_m: &[f64]) -> NotFound {
     let certified_m = spacings_m.first().copied().unwrap_or_default();
     let balls = || choices.iter().flat_map(|balls| balls.iter());
-    let distances = balls().flat_map(|a| balls().map(|b| (a.centre - b.centre).norm())).filter(|distance| *distance > 0.0);
+    let distances =
+        balls().flat_map(|a| balls().map(|b| (a.centre - b.centre).norm())).filter(|distance| *distance > 0.0);
     let nearest_m = distances.min_by(|a, b| (a - certified_m).abs().total_cmp(&(b - certified_m).abs()));
     NotFound::NoSpacing { certified_mm: certified_m * 1e3, nearest_mm: nearest_m.unwrap_or_default() * 1e3 }
 }

@@ -49,7 +49,11 @@ fn of_cam1(points: &[Point3]) -> MeasuredPoints<'_> {
     MeasuredPoints { points_m: points, views: Views::Cam1, fringes: None }
 }
 
-fn balls(points: &[Point3], diameters_m: &[f64], spacings_m: &[f64]) -> Result<(Vec<BallFigures>, Vec<Spacing>), NotFound> {
+fn balls(
+    points: &[Point3],
+    diameters_m: &[f64],
+    spacings_m: &[f64],
+) -> Result<(Vec<BallFigures>, Vec<Spacing>), NotFound> {
     let artefact = Artefact::Balls { diameters_m: diameters_m.to_vec(), spacings_m: spacings_m.to_vec() };
     match measure(&of_cam1(points), &artefact)? {
         Measurement::Balls { balls, spacings } => Ok((balls, spacings)),
@@ -135,7 +139,7 @@ fn a_longer_base_is_a_scale_error_and_no_other() {
     let window = Measurement::Balls { balls, spacings };
     let found = causes(&[&window], 1e-7, 1e-7);
     let [Cause::Scale { share, u }] = found[..] else { panic!("{found:?}") };
-    assert!((share - 0.001).abs() < 2e-5 && u < 2e-5, "{share} ± {u}");
+    assert!((share - 0.001).abs() < 2e-5 && u < 4e-5, "{share} ± {u}");
 }
 
 #[test]
@@ -175,6 +179,8 @@ fn what_is_not_there_is_not_measured() {
     let larger = ball([0.0, 0.0, 0.3], 0.013);
     let points = seen(&[&larger, &table], 1e-5, 13);
     assert!(matches!(balls(&points, &[0.02], &[]), Err(NotFound::NoBall { .. })));
+    let on_table = seen(&[&ball([0.0, 0.0, 0.3], 0.02), &table], 1e-5, 13);
+    assert!(matches!(measure(&of_cam1(&on_table), &Artefact::Plane), Err(NotFound::Covered { .. })));
     let (a, b) = (ball([-0.03, 0.0, 0.3], 0.01), ball([0.03, 0.0, 0.3], 0.01));
     let points = seen(&[&a, &b], 1e-5, 13);
     assert!(matches!(balls(&points, &[0.02; 2], &[0.05]), Err(NotFound::NoSpacing { .. })));
@@ -198,5 +204,7 @@ fn a_ball_of_a_model_is_measured_from_all_sides() {
     let artefact = Artefact::Balls { diameters_m: vec![0.02], spacings_m: Vec::new() };
     let Measurement::Balls { balls, .. } = measure(&measured, &artefact).unwrap() else { unreachable!() };
     assert!(balls[0].size_error_m.abs() < 1e-9 && (balls[0].sphere.centre - centre).norm() < 1e-9);
-    assert_eq!(balls[0].surface.left_out.points, 40_000);
+    let LeftOut { points, far, .. } = balls[0].surface.left_out;
+    // All but the border of what is there.
+    assert!(points > 35_000 && points < 40_000 && far == 0, "{points}, {far}");
 }

@@ -7,7 +7,10 @@ impl Quantity {
     #[must_use]
     pub fn remedy(self) -> &'static str {
         match self {
-            Self::Drift => "calibrate again; `fringeflow rig CALIBRATION --images RECORDING` shows the drift",
+            Self::Drift => {
+                "measure an artefact (`fringeflow verify RECORDING --artefact ...`) and calibrate again if it is outside its \
+                 limits; `fringeflow rig CALIBRATION --images RECORDING` shows the drift"
+            }
             Self::DeltaSd => "calibration and images may not belong together, or the scanner moves too fast",
             Self::DeltaNoise => "use more light, move more slowly, or make the projector linear",
             Self::DeltaMean => "set pattern.phase_offset_rad, or check that projector and cameras are in step",

@@ -7,11 +7,8 @@ use super::markup::COMMON_STYLE;
 
 /// A placeholder is a name between two `@@`.
 const TEMPLATE: &str = include_str!("page/page.html");
-const STYLE: &[&str] = &[
-    include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"),
-    COMMON_STYLE,
-    include_str!("page/page.css"),
-];
+const STYLE: &[&str] =
+    &[include_str!("../../../monitor/page/vendor/uplot/uPlot.min.css"), COMMON_STYLE, include_str!("page/page.css")];
 const LICENCE: &str = include_str!("../../../monitor/page/vendor/uplot/LICENSE");
 /// The parts of the module script. A part may use only names of the parts before it. Some parts are shared with the
 /// dashboard. Their imports are left out, since the parts that they import come before them.

@@ -141,6 +141,11 @@ fn the_options_of_patterns_act() {
 }
 
 #[test]
+fn the_options_of_verify_act() {
+    check("verify");
+}
+
+#[test]
 fn the_options_of_the_commands_on_recordings_act() {
     ["export", "import", "info", "check", "recover", "latency"].into_iter().for_each(check);
 }

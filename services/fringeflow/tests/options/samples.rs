@@ -61,6 +61,13 @@ pub(crate) const FORMS: &[Form] = &[
     form("patterns", "--output set"),
     form("patterns", "--output set --calibration --size 64x48"),
     form("patterns", "--output set --config TOOTH"),
+    form("verify", "PLATE --artefact plane"),
+    // The object has all digits; the text rounds.
+    Form {
+        command: "verify",
+        arguments: "BALL_SCAN --artefact sphere:20 --recompute --json",
+        exceptions: WITHOUT_PRIOR,
+    },
 ];
 
 impl Form {
@@ -78,6 +85,9 @@ pub(crate) struct Inputs {
     scan: PathBuf,
     /// The configuration of that run.
     scanner: PathBuf,
+    /// A dataset of a plate, and a recording of a ball before a moving scanner.
+    plate: PathBuf,
+    ball_scan: PathBuf,
 }
 
 const BOARD: &str = "simulate --output boards --calibration-board chessboard:9x6:square=7 --views 4 --steps 3 \
@@ -86,20 +96,27 @@ const BOARD: &str = "simulate --output boards --calibration-board chessboard:9x6
 const SIMULATION: &str = "simulate --output set --size 128x96 --period 32 --supersampling 1 --steps 4 \
                           --motion 0.5 --two-directions --noise low";
 
+const PLATE: &str = "simulate --output plate --object plane --board none --size 256x200 --supersampling 1 --steps 4 \
+                     --no-gray --motion 0.2 --noise high";
+const BALL_SCAN: &str = "simulate --config ball.toml --output ball.mcap --seconds 1";
+
 impl Inputs {
     pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let made = run(folder.path(), &SIMULATION.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
-        assert!(made.is_success(), "{}", made.stderr);
-        let made = run(folder.path(), &BOARD.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
-        assert!(made.is_success(), "{}", made.stderr);
+        std::fs::write(folder.path().join("ball.toml"), BALL_SCANNER).unwrap();
+        for simulation in [SIMULATION, BOARD, PLATE, BALL_SCAN] {
+            let made = run(folder.path(), &simulation.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+            assert!(made.is_success(), "{}", made.stderr);
+        }
         std::fs::write(folder.path().join("settings.toml"), SETTINGS).unwrap();
         std::fs::write(folder.path().join("scanner.toml"), SCANNER).unwrap();
         let table: String = (0..256).map(|level| format!("{}\n", level / 2)).collect();
         std::fs::write(folder.path().join("table.txt"), table).unwrap();
         let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../recordings");
         let (scan, scanner) = (recordings.join("tooth.mcap"), recordings.join("tooth.toml"));
-        Self { set: folder.path().join("set"), scan, scanner, folder }
+        let made = |name: &str| folder.path().join(name);
+        let (set, plate, ball_scan) = (made("set"), made("plate"), made("ball.mcap"));
+        Self { set, scan, scanner, plate, ball_scan, folder }
     }
 
     /// Replaces the name of an input by its path.
@@ -112,6 +129,8 @@ impl Inputs {
             "BOARDS" => self.folder.path().join("boards"),
             "EXACT" => self.folder.path().join("boards/exact.yml"),
             "BOARD" => self.folder.path().join("boards/view_00/cam1/000.png"),
+            "PLATE" => self.plate.clone(),
+            "BALL_SCAN" => self.ball_scan.clone(),
             "SETTINGS" => self.folder.path().join("settings.toml"),
             "SCANNER" => self.folder.path().join("scanner.toml"),
             word => return word.to_owned(),
@@ -126,6 +145,11 @@ const SETTINGS: &str = "[phase]\nmin_modulation_grey = 40\n[health]\ndrift_rad =
 /// A small scanner. Its devices do not matter to a simulation.
 const SCANNER: &str = "[cameras]\nsource = \"v4l2\"\nrate_hz = 50\nstereo_layout = \"top-bottom\"\n[cameras.both]\ndevice = \"/dev/video0\"\n\
                        [pattern]\nsteps = 4\nperiod_px = 48\n[virtual_scanner]\nobject = \"tooth\"\nsize_px = [96, 80]\n";
+
+/// A scanner that moves before a ball, whose middle has enough points to measure.
+const BALL_SCANNER: &str = "[cameras]\nsource = \"virtual\"\nrate_hz = 50\n[projector]\ndriver = \"virtual\"\n[pattern]\nsteps = 4\n\
+                            period_px = 32\n[virtual_scanner]\nobject = \"sphere\"\nsize_px = [208, 160]\ndepth_mm = 40\n\
+                            [virtual_scanner.sweep]\nposes = 24\ntravel_mm = [2.0, 1.5, 0.5]\n";
 
 /// Returns an option with a value that the command accepts, and that differs from the default one.
 pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> {
@@ -159,6 +183,7 @@ pub(crate) fn sample(form: &Form, option: &str, inputs: &Inputs) -> Vec<String> 
         (_, "--bits") => "1",
         (_, "--gamma-table") => "TABLE",
         ("simulate", "--config") => "settings.toml",
+        ("verify", "--report") => "page.html",
         (_, "--config") => "SETTINGS",
         (_, "--frames") => "4..11",
         ("rig", "--steps") => "3",

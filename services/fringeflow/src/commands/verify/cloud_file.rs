@@ -126,7 +126,9 @@ mod tests {
         let faces = "ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int vertex_index\nend_header\n";
         let cut = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
         let flat = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n";
-        for (text, told) in [(faces, "no element vertex"), (cut, "cannot be read"), (flat, "lack x"), ("x", "cannot be")] {
+        for (text, told) in
+            [(faces, "no element vertex"), (cut, "cannot be read"), (flat, "lack x"), ("x", "cannot be")]
+        {
             let error = read_text(text, None).err().unwrap();
             assert!(error.contains("cloud.ply: ") && error.contains(told), "{error}");
         }

@@ -79,7 +79,7 @@ impl Args {
         let input = Input::open(&self.input, self.units)?;
         input.check_unit(self.units)?;
         match &input {
-            Input::Recording(recording, _) if !self.recompute && recording.count(Topic::Cloud) > 0 => {
+            Input::Recording(recording, _) if !self.recompute => {
                 self.recorded(&input, recording, each)?;
                 Ok(Origin::Recorded)
             }
@@ -96,6 +96,9 @@ impl Args {
     }
 
     fn recorded(&self, input: &Input, recording: &Recording, mut each: impl FnMut(TimedCloud)) -> Result<(), Failure> {
+        if recording.count(Topic::Cloud) == 0 {
+            return Err(input.unusable(&"it has no clouds; give --recompute to compute them from its images"));
+        }
         let headers: Vec<_> = recording.cloud_headers().map(|header| header.window.centre_ns).collect();
         let bar = progress::bar("clouds", headers.len().div_ceil(self.every.get()) as u64);
         for (number, centre_ns) in headers.into_iter().enumerate().step_by(self.every.get()) {
@@ -128,8 +131,7 @@ impl Args {
         };
         let reconstructor = self.measuring.reconstructor(input, first, &configuration)?;
         let tracker = Tracker::new(input.setup().rig.cam1, FusionSettings::default());
-        let mut stream = TrackedStream::new(reconstructor, tracker)
-            .with_priors(self.measuring.uses_priors(input, &configuration));
+        let mut stream = TrackedStream::new(reconstructor, tracker).with_priors(!self.measuring.no_prior);
         let bar = progress::bar("clouds", windows.len() as u64);
         for images in &windows {
             let times = input.times(&images.numbers);

@@ -29,7 +29,7 @@ use results::{Lost, Results, Window};
 /// Arguments of `fringeflow verify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recording, dataset folder, or cloud (.ply). Of a recording with clouds, these are measured.
+    /// Recording, whose clouds are measured, dataset folder, or cloud (.ply).
     input: PathBuf,
     /// The artefact: plane, sphere:DIAMETER_MM, ball-bar:DIAMETER_MM,SPACING_MM, or a file with its certified lengths,
     /// their uncertainties and limits of acceptance, see configs/ball-bar.toml.
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     /// Measure every K-th cloud.
     #[arg(long, value_name = "K", default_value = "1")]
     every: NonZeroUsize,
-    /// Compute the clouds of a recording again from its images.
+    /// Compute the clouds of a recording from its images, and measure these.
     #[arg(long)]
     recompute: bool,
     /// Unit of a cloud or of the calibration, if the input does not state one. Another unit than the stated one is
@@ -63,7 +63,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         Mode {
             name: "with a dataset folder",
             is_chosen: |args| args.input.is_dir(),
-            options: &["extra_images", "config", "no_prior", "resolution", "min_confidence", "segment_table"],
+            options: &["extra_images", "config", "resolution", "min_confidence", "segment_table"],
         },
         Mode {
             name: "with a recording and --recompute",
@@ -94,9 +94,9 @@ impl Args {
         })?;
         if windows.is_empty() {
             let why = lost.first().map_or("it has no cloud", |lost| lost.why.as_str());
-            let count = lost.len();
-            let file = self.input.display();
-            return Err(Failure::NothingMeasured(format!("{file}: nothing was measured in {count} clouds: {why}")));
+            let (file, count) = (self.input.display(), lost.len());
+            let what = format!("{file}: the artefact was measured in none of its clouds ({count}): {why}");
+            return Err(Failure::NothingMeasured(what));
         }
         let results = Results::new(&self.input, origin, &certificate, &windows, lost, skipped);
         if let Some(path) = &self.report {

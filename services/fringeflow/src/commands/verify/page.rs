@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use fringeflow_lab::artefact::{Measurement, merged};
+use fringeflow_lab::artefact::{BallFigures, Cell, Measurement, merged};
 
 use crate::report::{COMMON_STYLE, escaped};
 
@@ -42,7 +42,10 @@ pub(super) fn write(out: &mut impl Write, results: &Results<'_>, windows: &[Wind
     }
     out.write_all(table_of_windows(results).as_bytes())?;
     let version = env!("CARGO_PKG_VERSION");
-    write!(out, "</div>\n</main>\n<footer class=\"foot\">Fringeflow {version}, after VDI/VDE 2634 parts 2 and 3</footer>\n</body>\n</html>\n")
+    write!(
+        out,
+        "</div>\n</main>\n<footer class=\"foot\">Fringeflow {version}, after VDI/VDE 2634 parts 2 and 3</footer>\n</body>\n</html>\n"
+    )
 }
 
 fn figures(results: &Results<'_>) -> String {
@@ -61,12 +64,13 @@ fn figures(results: &Results<'_>) -> String {
             ("U (k = 2)", uncertainty),
             ("Limit", limit),
         ];
-        let numbers = numbers.map(|(title, text)| format!("<td class=\"number\" data-title=\"{title}\">{text}</td>")).concat();
+        let numbers =
+            numbers.map(|(title, text)| format!("<td class=\"number\" data-title=\"{title}\">{text}</td>")).concat();
         format!("<tr><th>{symbol}<span class=\"meaning\">{meaning}</span></th>{numbers}<td>{judged}</td></tr>\n")
     };
     let rows: String = results.figures.iter().map(row).collect();
     let form = results.form_repeats_mm.map_or_else(String::new, |mm| {
-        format!("<p class=\"summary\">The form repeats from window to window within {mm:.4} mm rms.</p>")
+        format!("<p class=\"summary\">The form repeats from cloud to cloud within {mm:.4} mm rms.</p>")
     });
     format!(
         "<section class=\"panel wide\"><h2>Figures, mm</h2><div class=\"table-scroll\"><table><thead><tr><th></th>\
@@ -89,33 +93,36 @@ fn causes(results: &Results<'_>) -> String {
     format!("<section class=\"panel wide\"><h2>What the deviations hint at</h2>{text}</section>\n")
 }
 
-/// The form of a plate over all windows, or of each ball in the window in the middle.
+/// The form of a plate or of each ball in the window in the middle, and that of a plate over all windows.
 fn maps(windows: &[Window]) -> String {
     let Some(middle) = windows.get(windows.len() / 2) else { return String::new() };
-    let panel = |title: &str, svg: String| format!("<section class=\"panel half\"><h2>{title}</h2>{svg}</section>\n");
+    let panel = |title: &str, svg: String| {
+        let colours = "Red: towards the scanner, or out of the ball. Blue: away from it, or into the ball.";
+        format!("<section class=\"panel half\"><h2>{title}</h2><p class=\"summary\">{colours}</p>{svg}</section>\n")
+    };
     match &middle.measurement {
         Measurement::Plane(flat) => {
             let all = merged(all_cells(windows));
-            let title = format!("Form of the plate as the scanner sees it, mean of {} windows", windows.len());
-            let one = format!("Form in cloud {}", middle.number);
-            let first = panel(&title, map(&all, &title));
-            if windows.len() > 1 { first + &panel(&one, map(&flat.surface.cells.cells, &one)) } else { first }
+            let one = format!("Form of the plate as the scanner sees it, cloud {}", middle.number);
+            let first = panel(&one, map(&flat.surface.cells.cells, &all, &one));
+            let title = format!("The same, mean of {} clouds", windows.len());
+            if windows.len() > 1 { first + &panel(&title, map(&all, &all, &title)) } else { first }
         }
-        Measurement::Balls { balls, .. } => balls
-            .iter()
-            .enumerate()
-            .map(|(i, ball)| {
+        Measurement::Balls { balls, .. } => {
+            let all: Vec<Cell> = balls.iter().flat_map(|ball| ball.surface.cells.cells.iter().copied()).collect();
+            let draw = |(i, ball): (usize, &BallFigures)| {
                 let title = format!("Form of ball {} as the scanner sees it, cloud {}", i + 1, middle.number);
-                panel(&title, map(&ball.surface.cells.cells, &title))
-            })
-            .collect(),
+                panel(&title, map(&ball.surface.cells.cells, &all, &title))
+            };
+            balls.iter().enumerate().map(draw).collect()
+        }
     }
 }
 
 fn plots(results: &Results<'_>) -> String {
     let plot = |(i, figure): (usize, &Figure)| {
         let values: Vec<f64> = results.windows.iter().filter_map(|window| window.worst_mm.get(i)).copied().collect();
-        let title = format!("{} from window to window, mm", figure.symbol);
+        let title = format!("{} from cloud to cloud, mm", figure.symbol);
         format!("<section class=\"panel half\"><h2>{title}</h2>{}</section>\n", plot(&values, figure.limit_mm, &title))
     };
     results.figures.iter().enumerate().map(plot).collect()
@@ -139,12 +146,16 @@ fn table_of_windows(results: &Results<'_>) -> String {
     };
     let lost = |lost: &super::results::Lost| {
         let columns = results.figures.len() + 4;
-        format!("<tr><th>{}</th><td colspan=\"{columns}\">not measured: {}</td></tr>\n", lost.number, escaped(&lost.why))
+        format!(
+            "<tr><th>{}</th><td colspan=\"{columns}\">not measured: {}</td></tr>\n",
+            lost.number,
+            escaped(&lost.why)
+        )
     };
     let head: String = results.figures.iter().map(|f| format!("<th class=\"number\">{}</th>", f.symbol)).collect();
     let rows: String = results.windows.iter().map(row).chain(results.lost.iter().map(lost)).collect();
     format!(
-        "<section class=\"panel wide\"><h2>Windows</h2><p class=\"summary\">Worst value of each figure, mm.</p>\
+        "<section class=\"panel wide\"><h2>Clouds</h2><p class=\"summary\">Worst value of each figure, mm.</p>\
          <div class=\"table-scroll\"><table><thead><tr><th>Cloud</th><th class=\"number\">Time, s</th>\
          <th class=\"number\">Middle, mm</th>{head}<th class=\"number\">Points</th><th class=\"number\">Left out, %</th></tr>\
          </thead><tbody>\n{rows}</tbody></table></div></section>\n"

@@ -12,8 +12,9 @@ const PLOT_PX: [f64; 2] = [520.0, 150.0];
 const LEFT_PX: f64 = 64.0;
 const BOTTOM_PX: f64 = 24.0;
 
-/// Draws the mean deviation of each cell: red towards the scanner (of a ball: outwards), blue away from it.
-pub(super) fn map(cells: &[Cell], title: &str) -> String {
+/// Draws the mean deviation of each cell: red towards the scanner (of a ball: outwards), blue away from it. The colours
+/// have the scale of the cells of `all` pictures beside each other.
+pub(super) fn map(cells: &[Cell], all: &[Cell], title: &str) -> String {
     let bound = |axis: usize| {
         let values = || cells.iter().map(|cell| cell.at[axis]);
         (values().min().unwrap_or_default(), values().max().unwrap_or_default())
@@ -21,7 +22,7 @@ pub(super) fn map(cells: &[Cell], title: &str) -> String {
     let [(left, right), (top, bottom)] = [bound(0), bound(1)];
     let [columns, rows] = [right - left + 1, bottom - top + 1].map(|count| count as f64);
     let size = (MAP_PX[0] / columns).min(MAP_PX[1] / rows);
-    let span_um = span_um(cells);
+    let span_um = span_um(all);
     let mut rects = String::new();
     for cell in cells {
         let um = cell.mean_m * 1e6;
@@ -67,10 +68,15 @@ fn scale(span_um: f64, y: f64) -> String {
         .map(|i| {
             let [r, g, b] = diverging(i as f32 / STEPS as f32);
             let x = left + f64::from(i + STEPS) * step;
-            format!("<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"10\" fill=\"rgb({r} {g} {b})\"/>", step + 0.3)
+            format!(
+                "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{:.1}\" height=\"10\" fill=\"rgb({r} {g} {b})\"/>",
+                step + 0.3
+            )
         })
         .collect();
-    let text = |x: f64, label: String| format!("<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>", y + 24.0);
+    let text = |x: f64, label: String| {
+        format!("<text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{label}</text>", y + 24.0)
+    };
     let labels = text(left, format!("−{span_um} µm")) + &text(MAP_PX[0] / 2.0, "0".into());
     bars + &labels + &text(left + 200.0, format!("+{span_um} µm"))
 }
@@ -78,7 +84,8 @@ fn scale(span_um: f64, y: f64) -> String {
 /// Draws a figure over the windows, with its limit on both sides.
 pub(super) fn plot(values_mm: &[f64], limit_mm: Option<f64>, title: &str) -> String {
     let [width, height] = PLOT_PX;
-    let drawn_limit = limit_mm.into_iter().flat_map(|limit| [limit, if values_mm.iter().any(|v| *v < 0.0) { -limit } else { 0.0 }]);
+    let drawn_limit =
+        limit_mm.into_iter().flat_map(|limit| [limit, if values_mm.iter().any(|v| *v < 0.0) { -limit } else { 0.0 }]);
     let all = values_mm.iter().copied().chain(drawn_limit.clone()).chain([0.0]);
     let (low, high) = all.fold((0.0_f64, f64::MIN_POSITIVE), |(low, high), value| (low.min(value), high.max(value)));
     let x = |i: usize| LEFT_PX + (width - LEFT_PX - 8.0) * (i as f64 + 0.5) / values_mm.len().max(1) as f64;
@@ -95,15 +102,18 @@ pub(super) fn plot(values_mm: &[f64], limit_mm: Option<f64>, title: &str) -> Str
     let end = if low < -high { low } else { high };
     let frame = line(0.0, "axis") + &if limit_mm.is_none() { line(end, "axis") } else { String::new() };
     let limits: String = drawn_limit.filter(|limit| *limit != 0.0).map(|limit| line(limit, "limit")).collect();
-    let points: Vec<String> = values_mm.iter().enumerate().map(|(i, mm)| format!("{:.1} {:.1}", x(i), y(*mm))).collect();
+    let points: Vec<String> =
+        values_mm.iter().enumerate().map(|(i, mm)| format!("{:.1} {:.1}", x(i), y(*mm))).collect();
     let dots: String = values_mm
         .iter()
         .enumerate()
-        .map(|(i, mm)| format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{mm:.4} mm</title></circle>", x(i), y(*mm)))
+        .map(|(i, mm)| {
+            format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\"><title>{mm:.4} mm</title></circle>", x(i), y(*mm))
+        })
         .collect();
     format!(
         "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{title}\">{frame}{limits}<path class=\"line\" \
-         d=\"M{}\"/>{dots}<text x=\"{width}\" y=\"{:.1}\" text-anchor=\"end\">windows</text></svg>\n",
+         d=\"M{}\"/>{dots}<text x=\"{width}\" y=\"{:.1}\" text-anchor=\"end\">clouds</text></svg>\n",
         points.join("L"),
         height - 4.0
     )
@@ -121,7 +131,8 @@ mod tests {
     #[test]
     fn a_map_has_a_rectangle_for_each_cell_and_a_plot_a_dot_for_each_window() {
         let cell = |x, y, um: f64| Cell { at: [x, y], points: 64, mean_m: um * 1e-6, sd_m: 1e-6 };
-        let drawn = map(&[cell(-1, 5, 3.0), cell(2, 6, -4.0)], "form");
+        let cells = [cell(-1, 5, 3.0), cell(2, 6, -4.0)];
+        let drawn = map(&cells, &cells, "form");
         assert!(drawn.contains("<title>+3.0 µm, noise 1.0 µm</title>") && drawn.contains("−5 µm"), "{drawn}");
         let drawn = plot(&[0.01, -0.02], Some(0.03), "SD");
         assert_eq!((drawn.matches("<circle").count(), drawn.matches("class=\"limit\"").count()), (2, 2));

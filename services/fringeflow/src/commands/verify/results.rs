@@ -40,7 +40,7 @@ pub(super) struct Results<'a> {
     pub(super) lost: Vec<Lost>,
     pub(super) points: PointUse,
     pub(super) figures: Vec<Figure>,
-    /// How well the form of a plate repeats from window to window; `None` for balls and few windows.
+    /// How well the form of a plate repeats from cloud to cloud; `None` for balls and few windows.
     pub(super) form_repeats_mm: Option<f64>,
     pub(super) causes: Vec<Explanation>,
     pub(super) windows: Vec<WindowLine>,
@@ -146,7 +146,9 @@ impl<'a> Results<'a> {
         }
         let Some(Lost { number, why, .. }) = self.lost.first() else { return Ok(()) };
         let (lost, clouds) = (self.lost.len(), self.clouds);
-        Err(Failure::Losses(format!("the artefact was not measured in {lost} of {clouds} clouds, first in {number}: {why}")))
+        Err(Failure::Losses(format!(
+            "the artefact was not measured in {lost} of {clouds} clouds, first in {number}: {why}"
+        )))
     }
 }
 

@@ -28,7 +28,7 @@ pub(super) fn print(results: &Results<'_>) -> Result<(), Failure> {
         writeln!(out, "{line}")?;
     }
     if let Some(mm) = results.form_repeats_mm {
-        writeln!(out, "the form repeats from window to window within {mm:.4} mm rms")?;
+        writeln!(out, "the form repeats from cloud to cloud within {mm:.4} mm rms")?;
     }
     for cause in &results.causes {
         writeln!(out, "{}: {}", cause.cause, cause.text)?;
@@ -39,8 +39,8 @@ pub(super) fn print(results: &Results<'_>) -> Result<(), Failure> {
 /// How many clouds were measured.
 pub(super) fn clouds(results: &Results<'_>) -> String {
     let lost = results.lost.len();
-    let rest = if lost == 0 { String::new() } else { format!(", not in {lost}") };
-    format!("the artefact was measured in {} of {}{rest}", results.measured, results.clouds)
+    let rest = if lost == 0 { String::new() } else { format!("; in {lost} there is no cloud or no artefact") };
+    format!("{} of {} measured{rest}", results.measured, results.clouds)
 }
 
 /// How many points were used, and how many left out.
