@@ -155,10 +155,9 @@ fn covered_share(shell: &[Point3], ball: &Sphere, axis: &Vector3) -> f64 {
     for point in shell {
         let away = point - ball.centre;
         let [column, row] = sides.map(|side| (away.dot(&side) / (DISC_SHARE * ball.radius_m) + 1.0) * half);
-        if away.dot(axis) > 0.0 && column >= 0.0 && row >= 0.0 {
-            if let Some(cell) = hit.get_mut(row as usize).and_then(|cells| cells.get_mut(column as usize)) {
-                *cell = true;
-            }
+        let is_on_grid = away.dot(axis) > 0.0 && column >= 0.0 && row >= 0.0;
+        if is_on_grid && let Some(cell) = hit.get_mut(row as usize).and_then(|cells| cells.get_mut(column as usize)) {
+            *cell = true;
         }
     }
     let places = (0..DISC_CELLS * DISC_CELLS).map(|i| (i % DISC_CELLS, i / DISC_CELLS));
