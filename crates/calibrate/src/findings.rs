@@ -7,6 +7,7 @@
 use crate::adjustment::{Layout, PROJECTOR};
 use crate::images::{ImageSigns, NoView};
 use crate::lens::INTRINSIC_NAMES;
+use crate::median::median;
 use crate::observed::{Observed, ObservedPose};
 use crate::quality::prediction::ExpectedError;
 use crate::rig::{CalibratedRig, DeviceName};
@@ -208,7 +209,7 @@ pub fn in_calibration(
             say(&Limit { warning: 0.0, refusal: 0.0 }, 1.0, "focal length", text);
         }
         say(&ASPECT, (fx / fy - 1.0).abs(), "focal length", {
-            format!("{name} has focal lengths of {fx:.0} and {fy:.0} pixels; square pixels have one")
+            format!("{name} has focal lengths of {fx:.0} and {fy:.0} pixels; square pixels have one, so the images were scaled unevenly")
         });
         let sd = adjusted.sd(layout.lens(device)) / fx;
         say(&FOCAL_SD, sd, "poses", {
@@ -317,9 +318,4 @@ fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
         0..=MOST_NAMES => names.join(", "),
         count => format!("{} and {} more", names[..MOST_NAMES].join(", "), count - MOST_NAMES),
     }
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

@@ -23,6 +23,7 @@ pub mod folder;
 pub mod images;
 pub mod initial;
 mod lens;
+mod median;
 pub mod observations;
 mod observed;
 mod pose_words;

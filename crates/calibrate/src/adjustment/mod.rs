@@ -16,6 +16,8 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 use equations::{Cost, Equations};
 
+use crate::median::median;
+
 pub(crate) use equations::{loss, weight};
 
 pub use residual::{Measured, Measurement};
@@ -133,15 +135,11 @@ fn median_noise(problem: &Problem, state: &State) -> Option<Vec<f64>> {
             norms[measurement.group].push(r.component_div(&measurement.relative_sd()).norm());
         }
     }
-    let median = |mut norms: Vec<f64>| {
-        let middle = norms.len() / 2;
-        if norms.is_empty() {
-            return Some(1.0);
-        }
-        let (_, median, _) = norms.select_nth_unstable_by(middle, f64::total_cmp);
-        median.is_finite().then(|| (*median / MEDIAN_NORM).max(1e-4))
+    let noise = |norms: Vec<f64>| {
+        let Some(norm) = median(norms) else { return Some(1.0) };
+        norm.is_finite().then(|| (norm / MEDIAN_NORM).max(1e-4))
     };
-    norms.into_iter().map(median).collect()
+    norms.into_iter().map(noise).collect()
 }
 
 /// Computes noise, covariance and residuals of a solution.

@@ -8,6 +8,7 @@ use fringeflow_dataset::GreyImage;
 use super::coordinates::Coordinates;
 use super::order::{CodedFringes, PatternOrder, PatternOrderError};
 use super::{edges, gains, patch};
+use crate::median::median;
 use crate::observations::{CameraView, Corner, PhasePatch};
 
 /// Windows around a corner have at least this radius, pixels: enough for the coefficients of a quadratic.
@@ -158,9 +159,4 @@ fn patches(
 ) -> Vec<PhasePatch> {
     let windows = corners.iter().zip(radii_px).filter(|(_, radius_px)| **radius_px >= LEAST_RADIUS_PX);
     windows.filter_map(|(c, &radius_px)| patch::fit(directions, size_px, c.feature, c.pixel, radius_px)).collect()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

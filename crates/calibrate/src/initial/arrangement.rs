@@ -8,6 +8,7 @@ use fringeflow::geometry::{Pose, Vector3};
 use nalgebra::{UnitQuaternion, Vector2};
 
 use crate::lens::Lens;
+use crate::median::median;
 
 /// Poses of the board in the frame of one device, by view; `None` where it does not see the board.
 pub(crate) type Poses<'a> = &'a [Option<Pose>];
@@ -89,9 +90,7 @@ impl Devices<'_> {
 
     fn median_px(&self, hypothesis: &Pose, partner: impl Fn(usize, usize) -> usize) -> f64 {
         let fits = (0..self.first.len()).filter_map(|view| self.fit(hypothesis, view, partner(view, view)));
-        let mut deviations: Vec<f64> = fits.map(|fit| fit.deviation_px).collect();
-        deviations.sort_by(f64::total_cmp);
-        deviations.get(deviations.len() / 2).copied().unwrap_or(f64::INFINITY)
+        median(fits.map(|fit| fit.deviation_px).collect()).unwrap_or(f64::INFINITY)
     }
 
     /// How an image of the second device fits one of the first.

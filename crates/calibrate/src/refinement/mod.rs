@@ -15,6 +15,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::adjustment::{Device, Layout, PROJECTOR, State, loss, weight};
 use crate::lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
+use crate::median::median;
 use crate::quality::prediction::column_sensitivity;
 use crate::shape::BoardShape;
 
@@ -77,13 +78,14 @@ const HELD_SHARE: f64 = 0.9;
 /// the others too.
 const USUAL_SDS: ([f64; INTRINSICS], f64, f64) = ([3e-3, 3e-3, 3.0, 3.0, 0.02, 0.1, 1e-3, 1e-3, 0.3], 3e-3, 5e-4);
 
-/// Factor of these standard deviations for a projector that was found by [`projector_from_columns`].
-const NEW_PROJECTOR: f64 = 30.0;
+/// Factors of these standard deviations for a projector that was found by [`projector_from_columns`]: of focal lengths,
+/// principal point and pose; and of its distortion, which no columns tell at the ends of its image.
+const NEW_PROJECTOR: [f64; 2] = [30.0, 3.0];
 
 /// The covariance of a calibration of which nothing is known but that it is a usual one.
 #[must_use]
 pub fn usual_covariance(rig: &Rig) -> DMatrix<f64> {
-    scaled_covariance(rig, 1.0)
+    scaled_covariance(rig, [1.0; 2])
 }
 
 /// The covariance of a rig whose cameras have a known one (that of their lenses, then of the pose of C2) and whose projector
@@ -104,15 +106,19 @@ pub fn new_projector_covariance(rig: &Rig, cameras: Option<&DMatrix<f64>>) -> DM
 }
 
 /// The usual covariance, with other standard deviations of the projector.
-fn scaled_covariance(rig: &Rig, projector: f64) -> DMatrix<f64> {
+fn scaled_covariance(rig: &Rig, projector: [f64; 2]) -> DMatrix<f64> {
     let state = state_of(rig);
     let layout = Layout::of(&state);
     let mut sds = DVector::zeros(layout.rig());
     for (d, device) in state.devices.iter().enumerate() {
-        let factor = if d == PROJECTOR { projector } else { 1.0 };
+        let [factor, distortion] = if d == PROJECTOR { projector } else { [1.0; 2] };
         let (lens, turn_rad, shift_m) = USUAL_SDS;
         for (k, sd) in lens.into_iter().enumerate() {
-            sds[layout.lens(d) + k] = factor * if k < 2 { sd * device.lens.0[k] } else { sd };
+            sds[layout.lens(d) + k] = match k {
+                0 | 1 => factor * sd * device.lens.0[k],
+                2 | 3 => factor * sd,
+                _ => distortion * sd,
+            };
         }
         if let Some(at) = layout.arrangement(d) {
             for k in 0..6 {
@@ -276,9 +282,9 @@ impl Scans<'_> {
 impl Residuals {
     /// Robust standard deviation about the median.
     fn sd_px(&self) -> Option<f64> {
-        let median = median(self.0.clone())?;
-        let spread = self.0.iter().map(|residual| (residual - median).abs()).collect();
-        Some((SD_PER_MEDIAN * self::median(spread)?).max(LEAST_SD_PX))
+        let middle = median(self.0.clone())?;
+        let spread = self.0.iter().map(|residual| (residual - middle).abs()).collect();
+        Some((SD_PER_MEDIAN * median(spread)?).max(LEAST_SD_PX))
     }
 
     fn fit(&self) -> Option<ColumnFit> {
@@ -305,9 +311,4 @@ pub(crate) fn parameter_names(devices: usize) -> Vec<String> {
     let lenses = suffixes.iter().flat_map(|device| INTRINSIC_NAMES.map(|name| format!("{name}_{device}")));
     let pose = ["rx", "ry", "rz", "tx", "ty", "tz"];
     lenses.chain(suffixes[1..].iter().flat_map(|device| pose.map(|name| format!("{name}_{device}")))).collect()
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }

@@ -7,8 +7,8 @@
 use fringeflow::geometry::{Camera, Distortion, Pose, Vector3};
 use nalgebra::{DMatrix, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector4};
 
-use super::median;
 use crate::initial::smallest_direction;
+use crate::median::median;
 
 /// Rounds in which points with a wrong column are found and left out.
 const ROUNDS: usize = 6;

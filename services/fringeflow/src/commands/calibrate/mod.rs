@@ -8,7 +8,7 @@ mod text;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use fringeflow::calibration::{Unit, read_calibration};
+use fringeflow::calibration::{CalibrationProblem, Unit, parse_calibration, read_calibration};
 use fringeflow::geometry::{FringePattern, MeasurementVolume, Point3, Pose};
 use fringeflow_base::atomic_file::{check_writable, write_atomically};
 use fringeflow_board::Board;
@@ -159,6 +159,19 @@ impl Args {
         self.write(&assessment)
     }
 
+    /// Writes the text of a calibration that the other commands accept.
+    fn write_text(&self, text: &str) -> Result<(), Failure> {
+        // Without a projector, only --refine reads it.
+        let accepted = parse_calibration(text, Unit::Millimetre).map(|_| ());
+        match accepted {
+            Err(CalibrationProblem::Missing { .. }) | Ok(()) => {}
+            Err(problem) => {
+                return Err(Failure::NotMeasurable(format!("no calibration is written, since its {problem}")));
+            }
+        }
+        Ok(write_atomically(&self.output, |out| out.write_all(text.as_bytes()))?)
+    }
+
     /// Size of the print relative to that of the board, along x and y.
     fn print_scale(&self, board: &Board) -> Result<[f64; 2], Failure> {
         let nominal_mm = board.rulers_mm();
@@ -191,7 +204,7 @@ impl Args {
             (None, Some(cameras)) => cameras_file_text(&cameras, &calibrated.adjusted.covariance, &flaws),
             (None, None) => return Err(Failure::NotMeasurable("no camera is calibrated".to_owned())),
         };
-        write_atomically(&self.output, |out| out.write_all(text.as_bytes()))?;
+        self.write_text(&text)?;
         if !self.json {
             let what =
                 if calibrated.rig().is_some() { "" } else { " with the cameras alone; --refine finds the projector" };

@@ -1,13 +1,11 @@
 //! `fringeflow calibrate --refine`: a better calibration from scans of anything, or a projector from one scene.
 
 use std::collections::BTreeMap;
-use std::io::Write as _;
 use std::path::Path;
 
 use fringeflow::calibration::{Cameras, Unit, read_calibration, read_cameras};
 use fringeflow::cloud::CloudPoint;
 use fringeflow::geometry::{Camera, FringePattern, MeasurementVolume, Pixel, Point3, Rig, triangulate};
-use fringeflow_base::atomic_file::write_atomically;
 use fringeflow_calibrate::comparison::{Change, changes};
 use fringeflow_calibrate::folder::Scene;
 use fringeflow_calibrate::refinement::{
@@ -64,7 +62,7 @@ pub(super) fn run(args: &Args, input: &Path) -> Result<(), Failure> {
         )));
     }
     let text = file_text(&refined.rig, &refined.covariance, &[]);
-    write_atomically(&args.output, |out| out.write_all(text.as_bytes()))?;
+    args.write_text(&text)?;
     let [points, left_out] = refined.used;
     let changes = old.map_or_else(Vec::new, |old| changes(&old, &refined.rig, &refined.covariance));
     let report = Report { input, points, left_out, before, after, held: &refined.held, changes };
