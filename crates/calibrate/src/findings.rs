@@ -209,7 +209,9 @@ pub fn in_calibration(
             say(&Limit { warning: 0.0, refusal: 0.0 }, 1.0, "focal length", text);
         }
         say(&ASPECT, (fx / fy - 1.0).abs(), "focal length", {
-            format!("{name} has focal lengths of {fx:.0} and {fy:.0} pixels; square pixels have one, so the images were scaled unevenly")
+            format!(
+                "{name} has focal lengths of {fx:.0} and {fy:.0} pixels; square pixels have one, so the images were scaled unevenly"
+            )
         });
         let sd = adjusted.sd(layout.lens(device)) / fx;
         say(&FOCAL_SD, sd, "poses", {

@@ -11,5 +11,5 @@ mod run_page;
 
 pub(crate) use figures::{RunFigures, RunInfo, StageLine, WindowLine};
 pub(crate) use html::write_html;
-pub(crate) use markup::{COMMON_STYLE, escaped};
+pub(crate) use markup::{COMMON_STYLE, FRAME_STYLE, escaped};
 pub(crate) use run_page::RunPage;

@@ -5,17 +5,32 @@ use std::fmt::Write as _;
 use fringeflow_calibrate::findings::Severity;
 use fringeflow_calibrate::{CalibratedRig, DeviceName, Quality};
 
+use crate::report::{COMMON_STYLE, FRAME_STYLE, escaped};
+
 use super::{Outcome, svg, text};
 
-const STYLE: &str = include_str!("../../../../monitor/page/common.css");
-const OWN_STYLE: &str = include_str!("page.css");
+const STYLE: &str = include_str!("page.css");
 
 /// Returns the text of the page.
 pub(super) fn page(outcome: &Outcome<'_>) -> String {
-    let title = format!("Calibration of {}", escaped(&outcome.folder.display().to_string()));
+    let refused = outcome.assessment.refusals().next().is_some();
+    let (level, verdict) = match (refused, outcome.assessment.findings.is_empty()) {
+        (true, _) => ("error", "refused: measurements with it would be wrong"),
+        (false, false) => ("warning", "usable, could be better"),
+        (false, true) => ("ok", "usable"),
+    };
     let mut out = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" \
-         content=\"width=device-width\"><title>{title}</title><style>{STYLE}{OWN_STYLE}</style></head><body><main><h1>{title}</h1>"
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
+         <title>Fringeflow: calibration</title>\n<style>\n{COMMON_STYLE}\n{FRAME_STYLE}\n{STYLE}</style>\n</head>\n<body>\n\
+         <header class=\"top\"><h1><span class=\"brand-name\">Fringeflow</span> calibration</h1>\
+         <span class=\"pill\" data-level=\"{level}\">{verdict}</span></header>\n<main>\n\
+         <dl class=\"about panel\"><div><dt>Images</dt><dd>{}</dd></div><div><dt>Board</dt><dd>{}</dd></div>\
+         <div><dt>Poses</dt><dd>{}</dd></div></dl>\n",
+        escaped(&outcome.folder.display().to_string()),
+        escaped(&outcome.board.to_string()),
+        outcome.observed.poses.len()
     );
     findings(&mut out, outcome);
     if let (Ok(calibrated), Some(quality)) = (&outcome.assessment.calibrated, &outcome.assessment.quality) {
@@ -25,47 +40,50 @@ pub(super) fn page(outcome: &Outcome<'_>) -> String {
         proposed(&mut out, calibrated, quality);
         depth(&mut out, calibrated, quality);
     }
-    out + "</main></body></html>\n"
+    let version = env!("CARGO_PKG_VERSION");
+    out + &format!("</main>\n<footer class=\"foot\">Fringeflow {version}</footer>\n</body>\n</html>\n")
 }
 
 fn findings(out: &mut String, outcome: &Outcome<'_>) {
-    let refused = outcome.assessment.refusals().next().is_some();
-    *out += if refused {
-        "<p class=\"verdict error\">Refused. Measurements with this calibration would be wrong.</p>"
-    } else {
-        "<p class=\"verdict ok\">The calibration is usable.</p>"
-    };
-    *out += "<ul class=\"findings\">";
+    if outcome.assessment.findings.is_empty() {
+        return;
+    }
+    *out += "<section class=\"panel\"><h2>Findings</h2><ul class=\"findings\">";
     for finding in &outcome.assessment.findings {
-        let class = match finding.severity {
+        let level = match finding.severity {
             Severity::Refusal => "error",
             Severity::Warning => "warning",
         };
-        let _ = write!(out, "<li class=\"{class}\"><b>{}</b>: {}</li>", finding.cause, escaped(&finding.text));
+        let (cause, text) = (finding.cause, escaped(&finding.text));
+        let _ = write!(out, "<li><span class=\"badge\" data-level=\"{level}\">{cause}</span> {text}</li>");
     }
-    *out += "</ul>";
+    *out += "</ul></section>";
 }
 
 fn figures(out: &mut String, outcome: &Outcome<'_>) {
     let mut figures = Vec::new();
     // Writing to memory cannot fail.
     let _ = text::write_figures(&mut figures, outcome);
-    let _ = write!(out, "<h2>Figures</h2><pre>{}</pre>", escaped(&String::from_utf8_lossy(&figures)));
+    let _ = write!(
+        out,
+        "<section class=\"panel\"><h2>Figures</h2><pre>{}</pre></section>",
+        escaped(&String::from_utf8_lossy(&figures))
+    );
 }
 
 fn images(out: &mut String, calibrated: &CalibratedRig, quality: &Quality) {
-    *out += "<h2>Coverage</h2><p>Shaded cells hold points of the board; yellow ones hold none. Lines show the residual of \
+    *out += "<section class=\"panel\"><h2>Coverage</h2><p>Shaded cells hold points of the board; yellow ones hold none. Lines show the residual of \
              each point, a hundred times as long as it is; red ones were left out.</p><div class=\"row\">";
     for device in 0..calibrated.problem.sizes_px.len() {
         let drawing = svg::coverage(calibrated, quality, device);
         let _ = write!(out, "<figure>{drawing}<figcaption>{}</figcaption></figure>", DeviceName::of(device));
     }
-    *out += "</div>";
+    *out += "</div></section>";
 }
 
 /// Residuals of each pose.
 fn poses(out: &mut String, outcome: &Outcome<'_>, calibrated: &CalibratedRig) {
-    *out += "<h2>Poses</h2><table><tr><th>pose</th>";
+    *out += "<section class=\"panel\"><h2>Poses</h2><table><tr><th>pose</th>";
     let devices = calibrated.problem.sizes_px.len();
     for device in 0..devices {
         let _ = write!(out, "<th>{}: rms px</th><th>points</th><th>left out</th>", DeviceName::of(device));
@@ -100,34 +118,29 @@ fn poses(out: &mut String, outcome: &Outcome<'_>, calibrated: &CalibratedRig) {
             .filter_map(|(camera, seen)| Some(format!("{}: {}", DeviceName::of(camera), seen.as_ref().err()?)));
         let _ = write!(out, "<td>{}</td></tr>", escaped(&remarks.collect::<Vec<_>>().join("; ")));
     }
-    *out += "</table>";
+    *out += "</table></section>";
 }
 
 fn proposed(out: &mut String, calibrated: &CalibratedRig, quality: &Quality) {
     if quality.proposed.is_empty() {
         return;
     }
-    *out += "<h2>Poses that would make it better</h2><p>As camera 1 would see the board, the best first.</p>";
+    *out += "<section class=\"panel\"><h2>Poses that would make it better</h2><p>As camera 1 would see the board, the best first.</p>";
     let _ = write!(out, "<div class=\"row\"><figure>{}</figure><ol>", svg::proposed(calibrated, quality));
     for pose in &quality.proposed {
         let _ = write!(out, "<li>{} (depth ± {:.4} mm)</li>", pose.words, pose.expected.depth_mm);
     }
-    *out += "</ol></div>";
+    *out += "</ol></div></section>";
 }
 
 fn depth(out: &mut String, calibrated: &CalibratedRig, quality: &Quality) {
     if quality.expected.is_none() {
         return;
     }
-    *out += "<h2>Expected error of the depth</h2><p>In micrometres, where both cameras and the projector see, as camera 1 \
+    *out += "<section class=\"panel\"><h2>Expected error of the depth</h2><p>In micrometres, where both cameras and the projector see, as camera 1 \
              sees it.</p><div class=\"row\">";
     for (depth_mm, drawing) in svg::depth_errors(calibrated, quality) {
         let _ = write!(out, "<figure>{drawing}<figcaption>{depth_mm:.0} mm</figcaption></figure>");
     }
-    *out += "</div>";
-}
-
-/// Text as HTML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    *out += "</div></section>";
 }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use fringeflow_lab::artefact::{BallFigures, Cell, Measurement, merged};
 
-use crate::report::{COMMON_STYLE, escaped};
+use crate::report::{COMMON_STYLE, FRAME_STYLE, escaped};
 
 use super::picture::{map, plot};
 use super::results::{Figure, Results, Window, WindowLine, all_cells};
@@ -25,7 +25,7 @@ pub(super) fn write(out: &mut impl Write, results: &Results<'_>, windows: &[Wind
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-         <title>Fringeflow: field check</title>\n<style>\n{COMMON_STYLE}\n{STYLE}</style>\n</head>\n<body>\n\
+         <title>Fringeflow: field check</title>\n<style>\n{COMMON_STYLE}\n{FRAME_STYLE}\n{STYLE}</style>\n</head>\n<body>\n\
          <header class=\"top\"><h1><span class=\"brand-name\">Fringeflow</span> field check</h1>\
          <span class=\"pill\" data-level=\"{level}\">{}</span></header>\n<main>\n\
          <dl class=\"about panel\"><div><dt>Input</dt><dd>{input}</dd></div><div><dt>Artefact</dt><dd>{artefact}</dd></div>\
