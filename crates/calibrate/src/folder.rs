@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 
 use fringeflow_dataset::{GreyImage, Problem, read_picture};
-use fringeflow_patterns::{PATTERNS_FILE, PatternError, PatternSet};
+use fringeflow_patterns::{PATTERNS_FILE, PatternProblem, PatternSet};
 
 use crate::images::{PatternOrder, PatternOrderError};
 
@@ -55,7 +55,7 @@ pub enum FolderProblem {
     Unreadable(#[from] std::io::Error),
     /// The list of patterns is wrong.
     #[error(transparent)]
-    Patterns(#[from] PatternError),
+    Patterns(#[from] PatternProblem),
     /// The patterns do not serve for calibration.
     #[error("{0}")]
     Order(#[from] PatternOrderError),
@@ -157,7 +157,9 @@ impl Scene {
 /// Reads the list of patterns of a folder.
 fn read_order(folder: &Path) -> Result<PatternOrder, FolderError> {
     let path = folder.join(PATTERNS_FILE);
-    let order = PatternSet::read(&path).map_err(FolderProblem::from).and_then(|set| Ok(PatternOrder::of(&set)?));
+    let order = PatternSet::read(&path)
+        .map_err(|e| FolderProblem::Patterns(e.problem))
+        .and_then(|set| Ok(PatternOrder::of(&set)?));
     order.map_err(|problem| FolderError { path, problem })
 }
 
