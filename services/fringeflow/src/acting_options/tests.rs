@@ -19,6 +19,8 @@ const FORMS: &[Form] = &[
     form("check", &["a.mcap"]),
     form("board", &["charuco:5x5:square=10:marker=8:dictionary=4x4_50", "-o", "board.pdf"]),
     form("board", &["chessboard:9x6:square=20", "--find", "image.png"]),
+    form("calibrate", &["set", "--board", "chessboard:9x6:square=20", "-o", "a.yml"]),
+    form("calibrate", &["--refine", "a.mcap", "-o", "a.yml"]),
     form("demo", &[]),
     form("evaluate", &["set"]),
     form("evaluate", &["set", "--method", "egc"]),
@@ -63,6 +65,10 @@ const FORMS: &[Form] = &[
     form("simulate", &["-o", "set", "--format", "RGGB"]),
     form("simulate", &["-o", "a.mcap", "--config", "a.toml"]),
     form("status", &[]),
+    form("verify", &["set", "--artefact", "plane"]),
+    form("verify", &["a.mcap", "--artefact", "plane"]),
+    form("verify", &["a.mcap", "--artefact", "plane", "--recompute"]),
+    form("verify", &["a.ply", "--artefact", "plane"]),
 ];
 
 /// An argument of a command: its name in messages, and words that give it a valid value.
@@ -112,6 +118,7 @@ fn sample(name: &str) -> &'static str {
         "--calibration-board" => "chessboard:9x6:square=7",
         "DEVICE" => "/dev/video0",
         "--shift" | "--projector-at" => "1,2,3",
+        "--rulers" => "100,80",
         "--format" => "Y12",
         "--size" => "64x64",
         "--min-confidence" | "--blur" | "--board-albedo" => "0.5",

@@ -27,14 +27,14 @@ use crate::{json, progress};
 pub(crate) struct Args {
     /// Folder with the images: patterns.toml, and for each pose of the board a folder with cam1/ and cam2/. Images of the
     /// board alone, in cam1/ and cam2/, calibrate the cameras without the projector.
-    #[arg(required_unless_present = "refine")]
-    folder: Option<PathBuf>,
+    #[arg(value_name = "FOLDER", required_unless_present = "refine")]
+    input: Option<PathBuf>,
     /// The board, as `fringeflow board` takes it: charuco:14x10:square=12:marker=9:dictionary=4x4_250, or a TOML file.
     #[arg(long, value_name = "SPEC|FILE", required_unless_present = "refine")]
     board: Option<String>,
     /// Improve a calibration by scans of anything: a recording or a dataset folder. Or find the projector of calibrated
     /// cameras by one scene at rest: a folder with patterns.toml, cam1/ and cam2/, with Gray code along the columns.
-    #[arg(long, value_name = "SCANS", conflicts_with_all = ["folder", "board"])]
+    #[arg(long, value_name = "SCANS", conflicts_with_all = ["input", "board"])]
     refine: Option<PathBuf>,
     /// Calibration to begin with. The default is that of the scans; a scene has none.
     #[arg(long, value_name = "FILE")]
@@ -70,7 +70,7 @@ pub(crate) const OPTIONS: ActingOptions<Args> = ActingOptions {
         Mode {
             name: "without --refine",
             is_chosen: |_| true,
-            options: &["folder", "board", "rulers", "bent_board", "report", "compare", "force"],
+            options: &["input", "board", "rulers", "bent_board", "report", "compare", "force"],
         },
     ]],
 };
@@ -108,7 +108,7 @@ pub(super) struct ExpectedScan {
 impl Args {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         check_writable(&self.output)?;
-        match (&self.refine, &self.folder, &self.board) {
+        match (&self.refine, &self.input, &self.board) {
             (Some(scans), ..) => refine::run(self, scans),
             (None, Some(folder), Some(board)) => self.calibrate(folder, board),
             // The parser asks for them.

@@ -109,10 +109,10 @@ mod tests {
     }
 
     #[test]
-    fn files_of_other_programs_are_read_and_points_without_coordinates_counted() {
+    fn files_of_other_programs_are_read_and_points_far_away_counted() {
         let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\n\
                     property uint16 u1\nproperty uint16 v1\nend_header\n";
-        let text = format!("{head}1 2 300 0 0\nnan nan nan 1 0\n-4 5.5 301 2 0\n");
+        let text = format!("{head}1 2 300 0 0\n1e30 0 0 1 0\n-4 5.5 301 2 0\n");
         let file = read_text(&text, None).unwrap();
         assert_eq!((file.points_m.len(), file.skipped, file.views), (2, 1, Views::Cam1));
         assert!((file.points_m[1] - Point3::new(-0.004, 0.0055, 0.301)).norm() < 1e-12);
