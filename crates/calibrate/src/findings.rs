@@ -77,6 +77,9 @@ const ASPECT: Limit = Limit { warning: 0.01, refusal: 0.1 };
 const FOCAL_PAIR: Limit = Limit { warning: 0.1, refusal: f64::INFINITY };
 /// Expected standard deviation of δ, rad. Beyond the refusal, fringe orders are no longer decided by it.
 const DELTA_RAD: Limit = Limit { warning: 0.05, refusal: 0.3 };
+/// Change of the lenses if the board is not taken for a plane, in standard deviations. A flat board gives about 1; where it is
+/// much more, the standard deviations do not hold.
+const BEND_SDS: Limit = Limit { warning: 2.0, refusal: 4.0 };
 /// Fields of view of lenses of scanners, degrees.
 const FIELD_DEG: std::ops::RangeInclusive<f64> = 3.0..=130.0;
 /// Share of poses that must agree before a cause is said of all of them.
@@ -224,6 +227,16 @@ pub fn in_calibration(
             )
         });
         let _ = height;
+    }
+    if let Some(bend) = calibrated.bend {
+        say(&BEND_SDS, bend.change_sds, "board", {
+            format!(
+                "the board is no plane: its points fit a shape with {:.2} mm from the lowest to the highest, and with it the \
+                 lenses change by {:.1} standard deviations; glue it on something stiff, or give --bent-board",
+                1e3 * bend.height_m,
+                bend.change_sds
+            )
+        });
     }
     if sizes_px[0] == sizes_px[1] {
         let [f1, f2] = [0, 1].map(|d| adjusted.state.devices[d].lens.focal_px()[0]);

@@ -37,5 +37,5 @@ pub use file::{cameras_file_text, file_text, read_cameras_covariance};
 pub use lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
 pub use observed::{Observed, ObservedPose};
 pub use pose_words::PoseWords;
-pub use rig::{CalibratedRig, DeviceName, GROUPS, NoCalibration, OtherPose, RigViews, calibrate};
+pub use rig::{Bend, CalibratedRig, DeviceName, GROUPS, NoCalibration, OtherPose, RigViews, calibrate};
 pub use shape::BoardShape;

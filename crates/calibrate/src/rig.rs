@@ -6,8 +6,9 @@ use fringeflow::calibration::Cameras;
 use fringeflow::geometry::{Pose, Rig};
 use nalgebra::Vector2;
 
-use crate::adjustment::{Adjusted, Device, Measured, Measurement, PROJECTOR, Problem, State, adjust};
+use crate::adjustment::{Adjusted, Device, Layout, Measured, Measurement, PROJECTOR, Problem, State, adjust};
 use crate::initial::{Arrangement, DeviceViews, Devices, PlaneImage, SingleDevice, calibrate_device};
+use crate::lens::INTRINSICS;
 use crate::observations::{CameraView, View};
 use crate::shape::BoardShape;
 
@@ -104,6 +105,15 @@ impl std::fmt::Display for DeviceName {
     }
 }
 
+/// What a board that was taken for a plane seems to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bend {
+    /// From its lowest to its highest feature, metres.
+    pub height_m: f64,
+    /// Root mean square by which the parameters of the rig would change with a bent board, in standard deviations.
+    pub change_sds: f64,
+}
+
 /// A calibrated rig.
 #[derive(Clone, Debug)]
 pub struct CalibratedRig {
@@ -115,6 +125,8 @@ pub struct CalibratedRig {
     pub views: Vec<usize>,
     /// Root mean square of the residuals of each device calibrated alone, pixels.
     pub alone_rms_px: Vec<f64>,
+    /// How the board deviates from a plane, if it was taken for one; `None` if its shape is estimated anyway.
+    pub bend: Option<Bend>,
     /// Views in which the cameras see different poses. C2 takes no part in them.
     pub other_poses: Vec<OtherPose>,
 }
@@ -306,8 +318,27 @@ fn joint(
         groups: GROUPS,
     };
     let adjusted = adjust(&problem, state).ok_or(NoCalibration::NoSolution)?;
+    let bend = (!input.free_shape).then(|| bend(&problem, &adjusted, half_size_m)).flatten();
     let alone_rms_px = alone.iter().map(|device| device.rms_px).collect();
-    Ok(CalibratedRig { problem, adjusted, alone_rms_px, other_poses, views: views_of_boards })
+    Ok(CalibratedRig { problem, adjusted, views: views_of_boards, alone_rms_px, bend, other_poses })
+}
+
+/// What the board is if its shape is free, and what that changes.
+fn bend(problem: &Problem, flat: &Adjusted, half_size_m: f64) -> Option<Bend> {
+    let start = State { shape: BoardShape::free(half_size_m), ..flat.state.clone() };
+    let free = adjust(problem, start)?;
+    let heights = problem.features_m.iter().map(|feature| free.state.shape.point(*feature).z);
+    let (low, high) = (heights.clone().fold(f64::INFINITY, f64::min), heights.fold(f64::NEG_INFINITY, f64::max));
+    let lenses = flat.state.devices.iter().zip(&free.state.devices).enumerate();
+    let layout = Layout::of(&flat.state);
+    let changes: Vec<f64> = lenses
+        .flat_map(|(device, (flat_device, free_device))| {
+            (0..INTRINSICS)
+                .map(move |k| (free_device.lens.0[k] - flat_device.lens.0[k]) / flat.sd(layout.lens(device) + k))
+        })
+        .collect();
+    let square: f64 = changes.iter().map(|change| change * change).sum();
+    Some(Bend { height_m: high - low, change_sds: (square / changes.len() as f64).sqrt() })
 }
 
 fn push_measurements(measurements: &mut Vec<Measurement>, number: usize, view: &View, with_phase: bool) {

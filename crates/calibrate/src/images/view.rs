@@ -12,7 +12,9 @@ use crate::median::median;
 use crate::observations::{CameraView, Corner, PhasePatch};
 
 /// Windows around a corner have at least this radius, pixels: enough for the coefficients of a quadratic.
-const LEAST_RADIUS_PX: f64 = 4.0;
+const LEAST_RADIUS_PX: f64 = 5.0;
+/// Share of their radii that two windows must be apart; below 1, so that rounding parts no neighbours.
+const APART: f64 = 0.999;
 
 /// What images show beyond their observations: signs of what may be wrong with them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -151,12 +153,22 @@ impl ImageSigns {
     }
 }
 
+/// Fits windows that do not overlap, so that their noise is independent: half the distance to the next corner, and of corners
+/// that are too close for the least window one alone.
 fn patches(
     directions: &[Coordinates; 2],
     size_px: [usize; 2],
     corners: &[Corner],
     radii_px: &[f64],
 ) -> Vec<PhasePatch> {
-    let windows = corners.iter().zip(radii_px).filter(|(_, radius_px)| **radius_px >= LEAST_RADIUS_PX);
-    windows.filter_map(|(c, &radius_px)| patch::fit(directions, size_px, c.feature, c.pixel, radius_px)).collect()
+    let mut patches: Vec<PhasePatch> = Vec::new();
+    for (corner, radius_px) in corners.iter().zip(radii_px) {
+        let radius_px = radius_px.max(LEAST_RADIUS_PX);
+        let overlaps =
+            |patch: &PhasePatch| (patch.centre - corner.pixel).norm() < (patch.radius_px + radius_px) * APART;
+        if !patches.iter().any(overlaps) {
+            patches.extend(patch::fit(directions, size_px, corner.feature, corner.pixel, radius_px));
+        }
+    }
+    patches
 }

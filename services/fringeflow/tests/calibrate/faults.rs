@@ -62,6 +62,14 @@ fn a_board_that_moves_is_named() {
 }
 
 #[test]
+fn a_bent_board_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let set = folder.path().join("set");
+    simulate(&set, 8, &["--board-bend", "0.8"]);
+    assert_refused(&set, &["the board is no plane", "--bent-board"]);
+}
+
+#[test]
 fn pairs_of_different_poses_are_named_with_their_partners() {
     let set = changed(|folder| exchange(&folder.join("view_02/cam2"), &folder.join("view_05/cam2")));
     assert_refused(set.path(), &["in view_02 do not show one pose", "camera 2 sees in view_05", "exchange the images"]);
