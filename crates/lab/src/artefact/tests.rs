@@ -14,11 +14,11 @@ use crate::simulation::standard_normal;
 const SIZE: [i32; 2] = [320, 256];
 const PIXEL: f64 = 1.0 / 920.0;
 
-/// Distance of a surface along a ray; `None` where the ray misses it.
-type SurfaceAlongRay<'a> = &'a dyn Fn(&Vector3) -> Option<f64>;
+/// Distance at which a surface meets a ray.
+type DistanceAlong<'a> = dyn Fn(&Vector3) -> Option<f64> + 'a;
 
 /// Points at which the rays of C1 meet surfaces: the nearest one counts. Noise stands along the ray.
-fn seen(surfaces: &[SurfaceAlongRay<'_>], noise_m: f64, seed: u64) -> Vec<Point3> {
+fn seen(surfaces: &[&DistanceAlong<'_>], noise_m: f64, seed: u64) -> Vec<Point3> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut points = Vec::new();
     for v in 0..SIZE[1] {

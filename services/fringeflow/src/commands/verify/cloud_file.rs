@@ -20,7 +20,7 @@ const MAX_M: f64 = 1000.0;
 pub(super) struct CloudFile {
     /// Frame of the file, metres.
     pub(super) points_m: Vec<Point3>,
-    /// Points without finite coordinates, as other programs write pixels that measured nothing.
+    /// Points without coordinates, or a kilometre away: so other programs write pixels that measured nothing.
     pub(super) skipped: usize,
     pub(super) views: Views,
 }
@@ -55,7 +55,9 @@ impl PropertyAccess for Vertex {
 pub(super) fn read(path: &Path, unit: Option<Unit>) -> Result<CloudFile, Failure> {
     let wrong = |what: String| Failure::Usage(format!("{}: {what}", path.display()));
     let broken = |error: std::io::Error| {
-        wrong(format!("cannot be read as a PLY file: {}; export it again", error.to_string().trim_end()))
+        // The reader gives its reason in a line of its own.
+        let why = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        wrong(format!("cannot be read as a PLY file: {why}; export it again in binary form"))
     };
     let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| wrong(format!("cannot be read: {e}")))?));
     let parser = Parser::<Vertex>::new();
@@ -101,24 +103,32 @@ fn unit_of(header: &Header, given: Option<Unit>) -> Result<Unit, String> {
 mod tests {
     use super::*;
 
-    fn read_text(text: &str, unit: Option<Unit>) -> Result<CloudFile, String> {
+    fn read_bytes(bytes: &[u8], unit: Option<Unit>) -> Result<CloudFile, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cloud.ply");
-        std::fs::write(&path, text).unwrap();
+        std::fs::write(&path, bytes).unwrap();
         read(&path, unit).map_err(|e| e.to_string())
     }
 
     #[test]
-    fn files_of_other_programs_are_read_and_points_far_away_counted() {
-        let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\n\
-                    property uint16 u1\nproperty uint16 v1\nend_header\n";
-        let text = format!("{head}1 2 300 0 0\n1e30 0 0 1 0\n-4 5.5 301 2 0\n");
-        let file = read_text(&text, None).unwrap();
+    fn files_of_other_programs_are_read_and_points_without_coordinates_counted() {
+        let head = "element vertex 3\nproperty double x\nproperty double y\nproperty double z\nproperty uint16 u1\n\
+                    property uint16 v1\nend_header\n";
+        let points = [[1.0, 2.0, 300.0], [f64::NAN; 3], [-4.0, 5.5, 301.0]];
+        let mut binary = format!("ply\nformat binary_big_endian 1.0\n{head}").into_bytes();
+        for point in points {
+            binary.extend(point.map(f64::to_be_bytes).concat());
+            binary.extend([0; 4]);
+        }
+        let file = read_bytes(&binary, None).unwrap();
         assert_eq!((file.points_m.len(), file.skipped, file.views), (2, 1, Views::Cam1));
         assert!((file.points_m[1] - Point3::new(-0.004, 0.0055, 0.301)).norm() < 1e-12);
-        assert!((read_text(&text, Some(Unit::Metre)).unwrap().points_m[0].z - 300.0).abs() < 1e-9);
+        let text = format!("ply\nformat ascii 1.0\n{head}1 2 300 0 0\n1e9 0 0 1 0\n-4 5.5 301 2 0\n");
+        let file = read_bytes(text.as_bytes(), Some(Unit::Metre)).unwrap();
+        assert!((file.points_m[0].z - 300.0).abs() < 1e-9 && file.skipped == 1);
         let stated = text.replace("1.0\n", "1.0\ncomment unit mm\n");
-        assert!(read_text(&stated, Some(Unit::Metre)).err().unwrap().contains("contradicts the unit mm"));
+        let refused = read_bytes(stated.as_bytes(), Some(Unit::Metre)).err().unwrap();
+        assert!(refused.contains("contradicts the unit mm"), "{refused}");
     }
 
     #[test]
@@ -129,7 +139,7 @@ mod tests {
         for (text, told) in
             [(faces, "no element vertex"), (cut, "cannot be read"), (flat, "lack x"), ("x", "cannot be")]
         {
-            let error = read_text(text, None).err().unwrap();
+            let error = read_bytes(text.as_bytes(), None).err().unwrap();
             assert!(error.contains("cloud.ply: ") && error.contains(told), "{error}");
         }
     }
