@@ -99,9 +99,11 @@ fn images_in_another_order_are_named() {
 fn poses_that_are_all_alike_are_named() {
     let set = changed(|folder| {
         for view in 1..8 {
-            let view = folder.join(format!("view_{view:02}"));
-            std::fs::remove_dir_all(&view).unwrap();
-            copied(&folder.join("view_00"), &view);
+            let name = folder.join(format!("view_{view:02}"));
+            std::fs::remove_dir_all(&name).unwrap();
+            if view < 3 {
+                copied(&folder.join("view_00"), &name);
+            }
         }
     });
     assert_refused(set.path(), &["poses"]);
