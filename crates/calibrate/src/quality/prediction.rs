@@ -123,11 +123,12 @@ impl Probes {
     }
 }
 
-/// Derivative of the projector's column at the triangulated point with respect to the rig's parameters; `None` behind a
-/// device.
-pub(crate) fn column_sensitivity(state: &State, point: &Vector3) -> Option<DVector<f64>> {
+/// Derivatives with respect to the rig's parameters at the triangulated point: of the projector's column, and of the distance
+/// from the epipolar line. `None` behind a device.
+pub(crate) fn scan_sensitivity(state: &State, point: &Vector3) -> Option<[DVector<f64>; 2]> {
     let seen = [image(state, 0, point)?, image(state, 1, point)?, image(state, 2, point)?];
-    Some(sensitivity(state, &seen)?.column_px)
+    let Sensitivity { column_px, epipolar_px, .. } = sensitivity(state, &seen)?;
+    Some([column_px, epipolar_px])
 }
 
 /// A point as a device images it.

@@ -3,7 +3,7 @@
 //! In: a rig with the covariance of its error, and points of scans: where both cameras see them and the projector's column
 //! that their phase tells. Out: the rig that is most probable after that. The column at which the triangulated point should
 //! be lit differs from the measured one by δ; all parameters share the explanation according to their covariance, so that
-//! those that δ does not see stay as they are, and are named. Cost: some milliseconds for a thousand points.
+//! those that δ does not see stay as they are, and are named. So do the epipolar lines. Cost: some milliseconds for a thousand points.
 
 mod columns;
 mod projector;
@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::adjustment::{Device, Layout, PROJECTOR, State, loss, weight};
 use crate::lens::{INTRINSIC_NAMES, INTRINSICS, Lens};
 use crate::median::median;
-use crate::quality::prediction::column_sensitivity;
+use crate::quality::prediction::scan_sensitivity;
 use crate::shape::BoardShape;
 
 pub use columns::{ScanColumns, common_points};
@@ -68,6 +68,8 @@ const MAX_HALVINGS: usize = 12;
 const CONVERGED: f64 = 1e-6;
 /// Standard deviation of normal numbers over the median of their magnitudes.
 const SD_PER_MEDIAN: f64 = 1.4826;
+/// Standard deviation of the distance of a correspondence from its epipolar line, pixels: that of a usual calibration.
+const EPIPOLAR_SD_PX: f64 = 0.1;
 /// Least standard deviation of a column, pixels.
 const LEAST_SD_PX: f64 = 1e-3;
 /// A parameter is held if its standard deviation stays above this share.
@@ -78,6 +80,9 @@ const HELD_SHARE: f64 = 0.9;
 /// the others too.
 const USUAL_SDS: ([f64; INTRINSICS], f64, f64) = ([3e-3, 3e-3, 3.0, 3.0, 0.02, 0.1, 1e-3, 1e-3, 0.3], 3e-3, 5e-4);
 
+/// Factor of these standard deviations for cameras. They give the scale and hold it better than a projector, which is warm and
+/// was measured through them; else δ, which tells little of the scale, would move them.
+const CAMERAS: f64 = 0.1;
 /// Factors of these standard deviations for a projector that was found by [`projector_from_columns`]: of focal lengths,
 /// principal point and pose; and of its distortion, which no columns tell at the ends of its image.
 const NEW_PROJECTOR: [f64; 2] = [30.0, 3.0];
@@ -111,7 +116,7 @@ fn scaled_covariance(rig: &Rig, projector: [f64; 2]) -> DMatrix<f64> {
     let layout = Layout::of(&state);
     let mut sds = DVector::zeros(layout.rig());
     for (d, device) in state.devices.iter().enumerate() {
-        let [factor, distortion] = if d == PROJECTOR { projector } else { [1.0; 2] };
+        let [factor, distortion] = if d == PROJECTOR { projector } else { [CAMERAS; 2] };
         let (lens, turn_rad, shift_m) = USUAL_SDS;
         for (k, sd) in lens.into_iter().enumerate() {
             sds[layout.lens(d) + k] = match k {
@@ -172,7 +177,8 @@ pub fn is_refinable(rig: &Rig) -> bool {
 /// Gauss-Newton with halved steps on a robust cost; the noise of the columns is found again in each round.
 #[must_use]
 pub fn refine(rig: &Rig, prior: &DMatrix<f64>, points: &[ScanPoint]) -> Option<Refined> {
-    let known = prior.clone().cholesky()?.inverse();
+    let known = prior.clone().cholesky()?.inverse() + epipolar_information(rig, points);
+    let prior = &known.clone().cholesky()?.inverse();
     let scans = Scans { sizes: rig, points, known: &known };
     let mut at = Estimate { state: state_of(rig), moved: DVector::zeros(known.nrows()) };
     let before = scans.residuals(&at.state).fit()?;
@@ -190,6 +196,20 @@ pub fn refine(rig: &Rig, prior: &DMatrix<f64>, points: &[ScanPoint]) -> Option<R
     let held = held(&covariance, prior);
     let fits = [before, residuals.fit()?];
     Some(Refined { rig: rig_of(&at.state, rig), covariance, fits, used: [used, points.len() - used], held })
+}
+
+/// What the scans tell of the epipolar lines: that they are as good as before, since correspondences were found along them.
+/// δ does not see a shift across them, and would otherwise be explained by one.
+fn epipolar_information(rig: &Rig, points: &[ScanPoint]) -> DMatrix<f64> {
+    let state = state_of(rig);
+    let count = Layout::of(&state).rig();
+    let mut information = DMatrix::zeros(count, count);
+    for point in points {
+        let Some(position) = triangulate(rig, &point.cam1_px, &point.cam2_px).map(|t| t.point_cam1) else { continue };
+        let Some([_, across]) = scan_sensitivity(&state, &position.coords) else { continue };
+        information.ger(1.0 / (EPIPOLAR_SD_PX * EPIPOLAR_SD_PX), &across, &across, 1.0);
+    }
+    information
 }
 
 /// A state on the way, and how far it is from the first one in the units of its parameters.
@@ -243,7 +263,7 @@ impl Scans<'_> {
                 continue;
             };
             let Some(lit) = rig.project_projector(&position) else { continue };
-            let Some(by_rig) = column_sensitivity(&at.state, &position.coords) else { continue };
+            let Some([by_rig, _]) = scan_sensitivity(&at.state, &position.coords) else { continue };
             let residual = lit.x - point.column_px;
             let weight = weight(residual.abs() / sd_px) / (sd_px * sd_px);
             information.ger(weight, &by_rig, &by_rig, 1.0);

@@ -48,6 +48,11 @@ fn a_turned_projector_is_turned_back() {
     let refined = refine(&wrong, &usual_covariance(&wrong), &points).unwrap();
     assert!(refined.fits[0].median_px.abs() > 1.0, "{:?}", refined.fits);
     assert!(refined.fits[1].median_px.abs() < 0.01 && refined.fits[1].sd_px < 0.01, "{:?}", refined.fits);
+    // What δ does not see stays: the images of both cameras still meet.
+    for point in points.iter().step_by(53) {
+        let gap_m = |rig: &Rig| triangulate(rig, &point.cam1_px, &point.cam2_px).unwrap().gap_m;
+        assert!(gap_m(&refined.rig) < 3e-5, "{}", gap_m(&refined.rig));
+    }
     assert!(refined.held.iter().any(|name| name == "fy_p"), "{:?}", refined.held);
     assert!(!refined.held.iter().any(|name| name == "cx_p"), "{:?}", refined.held);
 }
@@ -82,7 +87,7 @@ fn sensitivities_are_differences() {
             rig.project_projector(&position).unwrap().x
         };
         let position = triangulate(&truth, &point.cam1_px, &point.cam2_px).unwrap().point_cam1;
-        let by_rig = column_sensitivity(&state, &position.coords).unwrap();
+        let [by_rig, _] = scan_sensitivity(&state, &position.coords).unwrap();
         for k in 0..by_rig.len() {
             let moved = |h: f64| {
                 let mut step = DVector::zeros(by_rig.len());
