@@ -80,6 +80,8 @@ const DELTA_RAD: Limit = Limit { warning: 0.05, refusal: 0.3 };
 /// Change of the lenses if the board is not taken for a plane, in standard deviations. A flat board gives about 1; where it is
 /// much more, the standard deviations do not hold.
 const BEND_SDS: Limit = Limit { warning: 2.0, refusal: 4.0 };
+/// What must not be at all.
+const NONE: Limit = Limit { warning: 0.0, refusal: 0.0 };
 /// Fields of view of lenses of scanners, degrees.
 const FIELD_DEG: std::ops::RangeInclusive<f64> = 3.0..=130.0;
 /// Share of poses that must agree before a cause is said of all of them.
@@ -205,12 +207,13 @@ pub fn in_calibration(
         }
     };
     for (device, state) in adjusted.state.devices.iter().enumerate() {
-        let (name, [fx, fy], [width, height]) = (DeviceName::of(device), state.lens.focal_px(), sizes_px[device]);
+        let (name, [fx, fy], [width, _]) = (DeviceName::of(device), state.lens.focal_px(), sizes_px[device]);
         let field_deg = 2.0 * (width as f64 / (2.0 * fx)).atan().to_degrees();
-        if !FIELD_DEG.contains(&field_deg) {
-            let text = format!("{name} has a field of view of {field_deg:.1}°, which no lens of a scanner has");
-            say(&Limit { warning: 0.0, refusal: 0.0 }, 1.0, "focal length", text);
-        }
+        // How far the field of view is outside of those of lenses: nothing within.
+        let outside_deg = (FIELD_DEG.start() - field_deg).max(field_deg - FIELD_DEG.end());
+        say(&NONE, outside_deg, "focal length", {
+            format!("{name} has a field of view of {field_deg:.1}°, which no lens of a scanner has")
+        });
         say(&ASPECT, (fx / fy - 1.0).abs(), "focal length", {
             format!(
                 "{name} has focal lengths of {fx:.0} and {fy:.0} pixels; square pixels have one, so the images were scaled unevenly"
@@ -226,7 +229,6 @@ pub fn in_calibration(
                 sd * fx
             )
         });
-        let _ = height;
     }
     if let Some(bend) = calibrated.bend {
         say(&BEND_SDS, bend.change_sds, "board", {

@@ -151,7 +151,7 @@ fn priors<'a>(state: &'a State, layout: &'a Layout, problem: &'a Problem) -> imp
     let shape = state.shape.modes().iter().enumerate();
     let shape = shape.map(move |(k, &value)| Prior { parameter: layout.shape() + k, value, sd: SHAPE_SD_M });
     // The curvature of poses that nothing sees must not vanish; their value is free.
-    let poses =
-        (layout.rig() - 6 * state.devices.len().saturating_sub(1)..layout.rig()).chain(layout.board(0)..layout.len());
+    let arrangement = layout.arrangement(1).unwrap_or(layout.rig())..layout.rig();
+    let poses = arrangement.chain(layout.board(0)..layout.len());
     lenses.chain(shape).chain(poses.map(|parameter| Prior { parameter, value: 0.0, sd: POSE_SD }))
 }

@@ -19,6 +19,7 @@ use equations::{Cost, Equations};
 use crate::median::median;
 
 pub(crate) use equations::{loss, weight};
+pub(crate) use residual::by_pose;
 
 pub use residual::{Measured, Measurement};
 pub use state::{Device, Layout, POSE, PROJECTOR, State};

@@ -149,7 +149,7 @@ fn push_board(
 }
 
 /// Derivatives with respect to a small turn, then a shift, of a frame in which the point is `turned` before its shift.
-fn by_pose(by_point: &Matrix2x3<f64>, turned: &Vector3) -> [Vector2<f64>; POSE] {
+pub(crate) fn by_pose(by_point: &Matrix2x3<f64>, turned: &Vector3) -> [Vector2<f64>; POSE] {
     let by_turn = -by_point * cross_matrix(turned);
     std::array::from_fn(|k| if k < 3 { by_turn.column(k).into() } else { by_point.column(k - 3).into() })
 }

@@ -48,11 +48,10 @@ pub(crate) struct Devices<'a> {
 impl Devices<'_> {
     /// The arrangement that fits most views; `None` if no view is seen by both.
     pub(crate) fn arrangement(&self) -> Option<Arrangement> {
-        let same_view = |_: usize, view: usize| view;
         let candidates = (0..self.first.len()).flat_map(|view| self.hypotheses(view, view));
-        let best = candidates.min_by(|a, b| self.median_px(a, same_view).total_cmp(&self.median_px(b, same_view)))?;
+        let best = candidates.min_by(|a, b| self.median_px(a).total_cmp(&self.median_px(b)))?;
         let views = (0..self.first.len()).map(|view| self.fit(&best, view, view)).collect();
-        Some(Arrangement { second_from_first: best, views, median_px: self.median_px(&best, same_view) })
+        Some(Arrangement { second_from_first: best, views, median_px: self.median_px(&best) })
     }
 
     /// For each view of the first device the view of the second device that shows the same pose, under the arrangement for
@@ -88,8 +87,8 @@ impl Devices<'_> {
         std::iter::once(UnitQuaternion::identity()).chain(self.symmetric.then_some(half_turn))
     }
 
-    fn median_px(&self, hypothesis: &Pose, partner: impl Fn(usize, usize) -> usize) -> f64 {
-        let fits = (0..self.first.len()).filter_map(|view| self.fit(hypothesis, view, partner(view, view)));
+    fn median_px(&self, hypothesis: &Pose) -> f64 {
+        let fits = (0..self.first.len()).filter_map(|view| self.fit(hypothesis, view, view));
         median(fits.map(|fit| fit.deviation_px).collect()).unwrap_or(f64::INFINITY)
     }
 

@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use fringeflow::geometry::{Pose, Vector3};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2};
 
-use crate::adjustment::{Layout, POSE, State};
+use crate::adjustment::{Layout, State, by_pose};
 use crate::lens::{INTRINSICS, Imaged};
 
 /// Number of points across, down and in depth.
@@ -158,19 +158,9 @@ impl Seen {
         let mut by_rig = DMatrix::zeros(2, layout.rig());
         by_rig.view_mut((0, layout.lens(self.device)), (2, INTRINSICS)).copy_from(&self.image.by_intrinsics);
         if let Some(at) = layout.arrangement(self.device) {
-            let cross = Matrix3::new(
-                0.0,
-                -self.turned.z,
-                self.turned.y,
-                self.turned.z,
-                0.0,
-                -self.turned.x,
-                -self.turned.y,
-                self.turned.x,
-                0.0,
-            );
-            by_rig.view_mut((0, at), (2, 3)).copy_from(&(-self.image.by_point * cross));
-            by_rig.view_mut((0, at + 3), (2, POSE - 3)).copy_from(&self.image.by_point);
+            for (k, column) in by_pose(&self.image.by_point, &self.turned).into_iter().enumerate() {
+                by_rig.set_column(at + k, &column);
+            }
         }
         by_rig
     }

@@ -274,24 +274,24 @@ impl Scans<'_> {
 
     /// The estimate of the least cost near another; `None` if the equations have no solution.
     fn minimize(&self, start: Estimate, sd_px: f64) -> Option<Estimate> {
-        let (mut at, mut cost) = (start, f64::INFINITY);
+        let (mut cost, mut at) = (self.cost(&start, sd_px), start);
         for _ in 0..MAX_STEPS {
             let (information, gradient) = self.equations(&at, sd_px);
             let mut step = -information.cholesky()?.solve(&gradient);
-            let before = if cost.is_finite() { cost } else { self.cost(&at, sd_px) };
             let mut found = None;
             for _ in 0..MAX_HALVINGS {
                 let next = at.after(&step);
                 let lower = self.cost(&next, sd_px);
-                if lower < before {
+                if lower < cost {
                     found = Some((next, lower));
                     break;
                 }
                 step *= 0.5;
             }
             let Some((next, lower)) = found else { break };
+            let is_settled = cost - lower <= CONVERGED * cost;
             (at, cost) = (next, lower);
-            if before - lower <= CONVERGED * before {
+            if is_settled {
                 break;
             }
         }
